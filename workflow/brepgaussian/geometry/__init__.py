@@ -1,0 +1,1 @@
+"""Mathematics shared by several stages: cameras, surfaces, fitting. No files, no settings."""
