@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.base import Provenance, create_h5, open_h5, put, strings
-from brepgaussian.geometry.surfaces import Surface, surface_from_row, surface_to_row
+from brepgaussian.geometry.surfaces import ROW_LENGTH, Surface, surface_from_row, surface_to_row
 
 KIND = "brep"
 
@@ -54,7 +54,7 @@ class Brep:
         with create_h5(path, KIND, provenance) as file:
             file.attrs["report"] = json.dumps(self.report, sort_keys=True)
             put(file, "surface_type", [s.kind for s in self.surfaces], axes="surface")
-            rows = np.array([surface_to_row(s) for s in self.surfaces]).reshape(len(self.surfaces), -1)
+            rows = np.array([surface_to_row(s) for s in self.surfaces]).reshape(len(self.surfaces), ROW_LENGTH)
             put(file, "surface_parameters", rows, axes="surface,parameter", unit="unit frame, rad")
             put(file, "corners", self.corners, axes="corner,xyz", unit="unit frame")
             put(file, "curve_type", [c.kind for c in self.curves], axes="curve")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.base import Provenance, create_h5, open_h5, put, strings
-from brepgaussian.geometry.surfaces import Surface, surface_from_row, surface_to_row
+from brepgaussian.geometry.surfaces import ROW_LENGTH, Surface, surface_from_row, surface_to_row
 
 KIND = "primitives"
 
@@ -55,7 +55,7 @@ class Primitives:
         with create_h5(path, KIND, provenance) as file:
             file.attrs["sigma"] = self.sigma
             put(file, "type", [p.surface.kind for p in self.items], axes="primitive")
-            rows = np.array([surface_to_row(p.surface) for p in self.items]).reshape(len(self.items), -1)
+            rows = np.array([surface_to_row(p.surface) for p in self.items]).reshape(len(self.items), ROW_LENGTH)
             put(
                 file,
                 "parameters",

@@ -14,26 +14,9 @@ KIND = "stage1"
 SH_C0 = 0.28209479177387814  # zeroth spherical harmonic: colour = 0.5 + SH_C0 * f_dc
 THIRD_SCALE = 1e-6  # a surfel is flat; viewers of 3DGS files want a third, tiny, axis
 _OPACITY_LIMIT = 1e-6  # keeps the logit finite
-_FIELDS = [
-    "x",
-    "y",
-    "z",
-    "nx",
-    "ny",
-    "nz",
-    "f_dc_0",
-    "f_dc_1",
-    "f_dc_2",
-    "opacity",
-    "scale_0",
-    "scale_1",
-    "scale_2",
-    "rot_0",
-    "rot_1",
-    "rot_2",
-    "rot_3",
-    "edge",
-]
+_FIELDS = tuple(
+    "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 edge".split()
+)
 
 
 @dataclass(frozen=True)
@@ -109,7 +92,7 @@ def read_surfels(path: str | Path) -> Surfels:
         centers=stack("x y z"),
         rotations=stack("rot_0 rot_1 rot_2 rot_3"),
         scales=np.exp(stack("scale_0 scale_1")),
-        opacities=1 / (1 + np.exp(-columns["opacity"])),
+        opacities=(1 / (1 + np.exp(-columns["opacity"]))).astype(np.float32),
         colors=0.5 + SH_C0 * stack("f_dc_0 f_dc_1 f_dc_2"),
         edges=columns["edge"],
     )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 KINDS = ("plane", "cylinder", "sphere", "cone", "torus")
+ROW_LENGTH = 10  # of `surface_to_row`
 Array = NDArray[np.float64]
 
 
