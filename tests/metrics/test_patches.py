@@ -78,11 +78,11 @@ def test_nothing_predicted_or_nothing_true():
 
 
 def test_mean_distance_by_hand():
-    sources = [np.array([[0.0, 0, 0], [1, 0, 0]])]
-    targets = [np.array([[0.0, 0, 3], [5, 0, 0]]), np.array([[0.0, 0, 0]])]
-    np.testing.assert_allclose(patches.mean_distances(sources, targets), [[3.5, 0.5]])
-    assert patches.mean_distances(sources, targets, cutoff=1)[0, 1] == 0.5
-    assert patches.mean_distances(sources, targets, cutoff=1)[0, 0] in (np.inf, 3.5)
+    sources = [np.array([[0.0, 0, 0], [10, 0, 0]])]
+    targets = [np.array([[0.0, 0, 3], [10, 4, 0]]), np.array([[0.0, 0, 0]])]
+    np.testing.assert_allclose(patches.mean_distances(sources, targets), [[3.5, 5]])
+    np.testing.assert_allclose(patches.mean_distances(targets, sources), [[3.5], [0]])
+    assert patches.mean_distances(sources, targets, cutoff=1)[0, 1] == np.inf
 
 
 def test_columns_are_those_of_the_table():
