@@ -1,0 +1,70 @@
+"""`objects.tsv`: one row an object."""
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from brepgaussian.errors import InputError
+
+SOURCES = ("part", "step", "abc_nef", "nerf", "colmap")
+GROUPS = ("tuned", "holdout")
+COLUMNS = ("object", "source", "path", "truth", "group")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")  # it becomes a folder and a wildcard
+
+
+@dataclass(frozen=True)
+class ObjectRow:
+    """One object.
+
+    Attributes:
+        name: its folder under `results/<variant>/`.
+        source: one of `SOURCES`.
+        path: a bundled part's name, a STEP file, or a folder.
+        truth: a STEP file or a folder with the truth, or empty.
+        group: `tuned` if thresholds were chosen on it, `holdout` if none was.
+    """
+
+    name: str
+    source: str
+    path: str
+    truth: str = ""
+    group: str = "holdout"
+
+
+def read_objects(path: str | Path) -> dict[str, ObjectRow]:
+    """Read and check an object table.
+
+    Raises:
+        InputError: the table is missing, or a row is malformed; says which and how to mend it.
+    """
+    path = Path(path)
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [line for line in file if line.strip() and not line.startswith("#")]
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path, fix="set `objects` in config") from error
+    reader = csv.DictReader(lines, delimiter="\t")
+    if tuple(reader.fieldnames or ()) != COLUMNS:
+        raise InputError(
+            f"has the columns {reader.fieldnames}", file=path, fix=f"use the tab-separated columns {', '.join(COLUMNS)}"
+        )
+    rows: dict[str, ObjectRow] = {}
+    for record in reader:
+        row = _row(record, path)
+        if row.name in rows:
+            raise InputError(f"lists {row.name} twice", file=path, fix="give every object a name of its own")
+        rows[row.name] = row
+    return rows
+
+
+def _row(record: dict[str, str | None], path: Path) -> ObjectRow:
+    values = {key: (value or "").strip() for key, value in record.items() if key is not None}
+    row = ObjectRow(values["object"], values["source"], values["path"], values["truth"], values["group"] or "holdout")
+    if not _NAME.fullmatch(row.name):
+        raise InputError(f"has the object name {row.name!r}", file=path, fix="use letters, digits, '_', '-' and '.'")
+    if row.group not in GROUPS:
+        raise InputError(f"{row.name}: group is {row.group!r}", file=path, fix=f"use one of: {', '.join(GROUPS)}")
+    if not row.path:
+        raise InputError(f"{row.name}: path is empty", file=path, fix="name a part, a file or a folder")
+    return row

@@ -1,0 +1,62 @@
+"""Variants: named overlays of settings. What a variant does not touch is taken from `full`."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from brepgaussian.errors import SettingsError
+from brepgaussian.project.stages import STAGES, upstream
+
+FULL = "full"
+Settings = dict[str, dict[str, Any]]  # stage -> setting -> value
+
+
+@dataclass(frozen=True)
+class Variants:
+    """Settings of every variant, and the variant under which each stage's artifact is kept.
+
+    Attributes:
+        base: settings of `full` by stage, only what differs from the defaults.
+        overlays: what each other variant changes, by stage.
+    """
+
+    base: Settings
+    overlays: dict[str, Settings]
+
+    def settings(self, variant: str, stage: str) -> dict[str, Any]:
+        """Settings of one stage in one variant."""
+        return {**self.base.get(stage, {}), **self._overlay(variant).get(stage, {})}
+
+    def owner(self, variant: str, stage: str) -> str:
+        """The variant whose folder holds this stage's artifact: the first with the same settings upstream."""
+        wanted = self._fingerprint(variant, stage)
+        for candidate in (FULL, *self.overlays):
+            if self._fingerprint(candidate, stage) == wanted:
+                return candidate
+        return variant
+
+    def _fingerprint(self, variant: str, stage: str) -> list[dict[str, Any]]:
+        return [self.settings(variant, name) for name in upstream(stage)]
+
+    def _overlay(self, variant: str) -> Settings:
+        if variant == FULL:
+            return {}
+        try:
+            return self.overlays[variant]
+        except KeyError:
+            known = ", ".join((FULL, *self.overlays))
+            raise SettingsError(f"unknown variant {variant!r}", fix=f"use one of: {known}") from None
+
+
+def read_variants(base: Settings, overlays: dict[str, Settings]) -> Variants:
+    """Check the stages' names and return the variants.
+
+    Raises:
+        SettingsError: an overlay is called `full`, or names a stage that does not exist.
+    """
+    if FULL in overlays:
+        raise SettingsError("a variant can't be called full", fix="put its settings under `settings`")
+    for where, settings in (("settings", base), *overlays.items()):
+        for stage in settings or {}:
+            if stage not in STAGES:
+                raise SettingsError(f"unknown stage {where}.{stage}", fix=f"use one of: {', '.join(STAGES)}")
+    return Variants(base, {name: overlay or {} for name, overlay in overlays.items()})
