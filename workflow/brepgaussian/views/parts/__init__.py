@@ -1,0 +1,114 @@
+"""Bundled parts: small parametric solids that need no download, for tests, demos and benchmarks.
+
+Each stands for one difficulty of reconstruction. Parts of the group `tuned` may be looked at while
+methods are developed; parts of the group `holdout` are only measured.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from brepgaussian.errors import InputError, StageError
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+TUNED, HOLDOUT = "tuned", "holdout"
+
+
+@dataclass(frozen=True)
+class PartInfo:
+    """One bundled part.
+
+    Attributes:
+        module: module of this package that holds the function of the part's name.
+        reason: which difficulty it stands for, one line.
+        group: `tuned` or `holdout`.
+    """
+
+    module: str
+    reason: str
+    group: str
+
+    def function(self, name: str) -> Callable[[Any], Any]:
+        """The function that builds it (imports build123d)."""
+        from importlib import import_module
+
+        return getattr(import_module(f"{__name__}.{self.module}"), name)  # type: ignore[no-any-return]
+
+
+PARTS: dict[str, PartInfo] = {
+    "block_hole": PartInfo("prismatic", "a through hole, whose wall the visual hull sees badly", TUNED),
+    "l_bracket": PartInfo("prismatic", "a concave edge and two holes of different axes", TUNED),
+    "hex_nut": PartInfo("turned", "cone chamfers that meet planes in hyperbolas", TUNED),
+    "flange": PartInfo("turned", "a bolt circle: many small equal cylinders", TUNED),
+    "stepped_shaft": PartInfo("turned", "coaxial cylinders, a chamfer cone and a torus fillet", TUNED),
+    "pocket_plate": PartInfo("prismatic", "three blind pockets that no silhouette shows", TUNED),
+    "u_channel": PartInfo("prismatic", "an inner step hidden from most silhouettes", TUNED),
+    "counterbore": PartInfo("prismatic", "a blind stepped hole, narrow at its floor", TUNED),
+    "fillet_bracket": PartInfo("prismatic", "tangent cylinders without a luminance step", TUNED),
+    "ball_pin": PartInfo("turned", "a sphere that meets a cylinder", TUNED),
+    "ring_groove": PartInfo("turned", "a concave torus", TUNED),
+    "polyhedron": PartInfo("prismatic", "planes in general position", TUNED),
+    "oblique_hole": PartInfo("prismatic", "a cylinder oblique to its planes: elliptic edges", TUNED),
+    "slotted_ring": PartInfo("turned", "a cylinder cut open: partial arcs", TUNED),
+    "cross_tee": PartInfo("turned", "cylinder meets cylinder: space curves", HOLDOUT),
+    "v_block": PartInfo("prismatic", "oblique walls over a narrow slot", HOLDOUT),
+    "dovetail": PartInfo("prismatic", "an undercut", HOLDOUT),
+    "keyed_hub": PartInfo("turned", "a keyway that breaks a bore", HOLDOUT),
+    "heat_sink": PartInfo("prismatic", "many thin parallel walls and deep gaps", HOLDOUT),
+    "countersink_plate": PartInfo(
+        "prismatic", "countersinks (cones into cylinders) and a slot with round ends", HOLDOUT
+    ),
+    "o_ring_gland": PartInfo("turned", "narrow annular grooves", HOLDOUT),
+    "pillow_block": PartInfo("prismatic", "a cylinder tangent to two walls over a wide foot", HOLDOUT),
+    "wedge_clamp": PartInfo("prismatic", "an inclined plane cut by a slot", HOLDOUT),
+    "cup": PartInfo("turned", "a hollow with a thin conical wall", HOLDOUT),
+    "bearing_race": PartInfo("turned", "a shallow torus between cylinders, small chamfers", HOLDOUT),
+    "gusset": PartInfo("prismatic", "a thin rib in a corner, edges that meet in mid-face", HOLDOUT),
+    "d_shaft": PartInfo("turned", "a flat on a cylinder and a cross hole", HOLDOUT),
+    "link_rod": PartInfo("turned", "walls tangent to two cylinders", HOLDOUT),
+    "knob": PartInfo("turned", "a spherical cap, a cone and a blind hole", HOLDOUT),
+}
+
+
+def build_part(name: str, seed: int = 0) -> "Solid":
+    """Build a bundled part; the OCP shape is its `.wrapped`.
+
+    Args:
+        name: a key of `PARTS`.
+        seed: 0 gives the nominal part; others vary its sizes (mm) and numbers of features.
+
+    Returns:
+        One valid closed build123d solid, in mm.
+
+    Raises:
+        InputError: there is no such part, or the seed is negative.
+        StageError: the kernel gave no valid single solid for this seed.
+    """
+    from brepgaussian.views.parts.sizes import Sizes
+
+    if name not in PARTS:
+        raise InputError(f"there is no bundled part {name!r}", fix=f"use one of: {', '.join(PARTS)}")
+    if seed < 0:
+        raise InputError(f"the seed of part {name!r} is {seed}", fix="give a seed of at least 0")
+    part = PARTS[name].function(name)(Sizes(name, seed))
+    solids = part.solids()
+    if len(solids) != 1 or not solids[0].is_valid or solids[0].volume <= 0:
+        raise StageError(f"part {name!r} with seed {seed} is not one valid solid", fix="use another seed")
+    return solids[0]
+
+
+def parse_part(path: str) -> tuple[str, int]:
+    """Split `name` or `name:seed`.
+
+    Raises:
+        InputError: the seed is not a whole number.
+    """
+    name, _, seed = path.partition(":")
+    try:
+        return name, int(seed or 0)
+    except ValueError:
+        raise InputError(
+            f"{path!r} has no whole number as seed", fix="write name or name:seed, as block_hole:3"
+        ) from None
