@@ -1,10 +1,11 @@
 """Records of failed stages: a small JSON file beside the artifacts, from which `metrics.csv` says why."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from brepgaussian.project.stages import STAGES
+from brepgaussian.project.stages import upstream
 from brepgaussian.project.variants import Variants
 
 
@@ -28,13 +29,37 @@ def record(path: str | Path, failure: Failure) -> None:
     path.write_text(json.dumps(asdict(failure), indent=1) + "\n", encoding="utf-8")
 
 
-def find_failure(results: str | Path, variants: Variants, variant: str, object_name: str) -> Failure:
-    """The first recorded failure on an object's way, or a note that there is none."""
-    for stage in STAGES:
+def find_failure(results: str | Path, variants: Variants, variant: str, object_name: str) -> Failure | None:
+    """The first recorded failure on an object's way, if there is one."""
+    for stage in upstream("metrics"):
         path = failure_path(results, variants.owner(variant, stage), object_name, stage)
         if path.exists():
             try:
                 return Failure(**json.loads(path.read_text(encoding="utf-8")))
             except (OSError, ValueError, TypeError):
-                return Failure(stage, f"failed, and its record {path} can't be read")
-    return Failure("", "did not finish and recorded no reason: see its logs")
+                return Failure(stage, f"{stage}: failed, and its record {path} can't be read")
+    return None
+
+
+def unfinished(
+    results: str | Path, variants: Variants, wanted: Iterable[str], objects: Iterable[str]
+) -> tuple[list[Path], list[dict[str, str]]]:
+    """What there is after a run with failures.
+
+    Returns:
+        Rows of metrics of the objects that have one, and for each other object and variant a mapping with
+        `object`, `variant` and `reason`.
+    """
+    rows: list[Path] = []
+    failed: list[dict[str, str]] = []
+    for variant in wanted:
+        folder = Path(results) / variants.owner(variant, "metrics")
+        for name in objects:
+            row = folder / name / "metrics.csv"
+            failure = find_failure(results, variants, variant, name)
+            if row.exists() and not failure:
+                rows.append(row)
+            else:
+                reason = failure.reason if failure else "did not finish and recorded no reason: see its logs"
+                failed.append({"object": name, "variant": variant, "reason": reason})
+    return rows, failed

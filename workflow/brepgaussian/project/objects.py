@@ -2,8 +2,10 @@
 
 import csv
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from brepgaussian.errors import InputError
 
@@ -68,3 +70,24 @@ def _row(record: dict[str, str | None], path: Path) -> ObjectRow:
     if not row.path:
         raise InputError(f"{row.name}: path is empty", file=path, fix="name a part, a file or a folder")
     return row
+
+
+def configured_objects(config: Mapping[str, Any]) -> dict[str, ObjectRow]:
+    """The objects that a config asks for: a table's rows, or all of an ABC-NEF folder, narrowed by `select`.
+
+    Raises:
+        InputError: neither is given, the table is malformed, or `select` names an unknown object.
+    """
+    if config.get("abc_nef"):
+        from brepgaussian.views.abc_nef_layout import find_abc_nef
+
+        found = {row.name: row for row in find_abc_nef(config["abc_nef"]["root"], config["abc_nef"].get("truth", ""))}
+    elif config.get("objects"):
+        found = read_objects(config["objects"])
+    else:
+        raise InputError("config names no objects", fix="set `objects` to a table, or `abc_nef`")
+    names = config.get("select") or list(found)
+    for name in names:
+        if name not in found:
+            raise InputError(f"select names {name!r}, which is not among the objects", fix="mend `select` in config")
+    return {name: found[name] for name in names}

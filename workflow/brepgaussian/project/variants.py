@@ -1,5 +1,6 @@
 """Variants: named overlays of settings. What a variant does not touch is taken from `full`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,11 @@ class Variants:
     base: Settings
     overlays: dict[str, Settings]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All variants that can be asked for."""
+        return (FULL, *self.overlays)
+
     def settings(self, variant: str, stage: str) -> dict[str, Any]:
         """Settings of one stage in one variant."""
         return {**self.base.get(stage, {}), **self._overlay(variant).get(stage, {})}
@@ -29,7 +35,7 @@ class Variants:
     def owner(self, variant: str, stage: str) -> str:
         """The variant whose folder holds this stage's artifact: the first with the same settings upstream."""
         wanted = self._fingerprint(variant, stage)
-        for candidate in (FULL, *self.overlays):
+        for candidate in self.names:
             if self._fingerprint(candidate, stage) == wanted:
                 return candidate
         return variant
@@ -43,15 +49,16 @@ class Variants:
         try:
             return self.overlays[variant]
         except KeyError:
-            known = ", ".join((FULL, *self.overlays))
+            known = ", ".join(self.names)
             raise SettingsError(f"unknown variant {variant!r}", fix=f"use one of: {known}") from None
 
 
-def read_variants(base: Settings, overlays: dict[str, Settings]) -> Variants:
-    """Check the stages' names and return the variants.
+def read_variants(base: Settings, overlays: dict[str, Settings], wanted: Sequence[str] = ()) -> Variants:
+    """Check the stages' names and the wanted variants, and return all variants.
 
     Raises:
-        SettingsError: an overlay is called `full`, or names a stage that does not exist.
+        SettingsError: an overlay is called `full`, names a stage that does not exist, or a wanted variant
+            is not defined.
     """
     if FULL in overlays:
         raise SettingsError("a variant can't be called full", fix="put its settings under `settings`")
@@ -59,4 +66,7 @@ def read_variants(base: Settings, overlays: dict[str, Settings]) -> Variants:
         for stage in settings or {}:
             if stage not in STAGES:
                 raise SettingsError(f"unknown stage {where}.{stage}", fix=f"use one of: {', '.join(STAGES)}")
-    return Variants(base, {name: overlay or {} for name, overlay in overlays.items()})
+    variants = Variants(base, {name: overlay or {} for name, overlay in overlays.items()})
+    for variant in wanted:
+        variants.settings(variant, next(iter(STAGES)))
+    return variants

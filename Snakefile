@@ -1,0 +1,37 @@
+# From calibrated multi-view images to closed B-Rep solids and a table of metrics.
+#   snakemake --cores 2 results/metrics.csv
+#   snakemake --cores 2 results/full/hex_nut/brep.step --forcerun primitives
+from snakemake.utils import min_version, validate
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+report: "workflow/report/workflow.rst"
+
+
+validate(config, "workflow/schemas/config.schema.yaml")
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/views.smk"
+include: "workflow/rules/masks.smk"
+include: "workflow/rules/stage1.smk"
+include: "workflow/rules/stage2.smk"
+include: "workflow/rules/points.smk"
+include: "workflow/rules/primitives.smk"
+include: "workflow/rules/brep.smk"
+include: "workflow/rules/metrics.smk"
+include: "workflow/rules/report.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        rules.metrics.output,
+
+
+onerror:
+    publish_what_there_is()

@@ -1,0 +1,27 @@
+# masks: an edge map and patch ids per view.
+# needs: views.h5 (truth.h5 for the `truth` detector).  makes: masks.h5
+
+
+rule masks:
+    input:
+        views=kept("views", "views.h5"),
+        truth=lambda wildcards: (
+            truth(wildcards) if VARIANTS.settings(wildcards.variant, "masks").get("patches") == "truth" else []
+        ),
+    output:
+        masks=ensure(RESULTS + "/{variant}/{object}/masks.h5", non_empty=True),
+    log:
+        "logs/{variant}/{object}/masks.log",
+    benchmark:
+        "benchmarks/{variant}/{object}/masks.tsv"
+    params:
+        settings=settings("masks"),
+        failure=failure("masks"),
+        code=code("masks"),
+    threads: 1
+    resources:
+        mem_mb=2000,
+    conda:
+        "../../envs/environment.yaml"
+    script:
+        "../scripts/masks.py"

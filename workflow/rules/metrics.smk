@@ -1,0 +1,63 @@
+# metrics: every object's scores against its truth, and the table of all of them.
+# needs: brep.step, brep.h5, points.ply, views.h5, truth.h5 where known.  makes: metrics.csv
+
+
+rule object_metrics:
+    input:
+        views=kept("views", "views.h5"),
+        truth=truth,
+        points=kept("points", "points.ply"),
+        step=kept("brep", "brep.step"),
+        brep=kept("brep", "brep.h5"),
+    output:
+        row=ensure(RESULTS + "/{variant}/{object}/metrics.csv", non_empty=True),
+    log:
+        "logs/{variant}/{object}/metrics.log",
+    benchmark:
+        "benchmarks/{variant}/{object}/metrics.tsv"
+    params:
+        benchmarks=benchmarks,
+        settings=settings("metrics"),
+        failure=failure("metrics"),
+        code=code("metrics"),
+    threads: 1
+    resources:
+        mem_mb=2000,
+    conda:
+        "../../envs/environment.yaml"
+    script:
+        "../scripts/metrics.py"
+
+
+rule metrics:
+    input:
+        rows=rows(),
+    output:
+        table=report(
+            ensure(RESULTS + "/metrics.csv", non_empty=True),
+            caption="../report/metrics.rst",
+            category="Metrics",
+        ),
+    log:
+        "logs/metrics.log",
+    benchmark:
+        "benchmarks/metrics.tsv"
+    params:
+        code=code("metrics"),
+    threads: 1
+    conda:
+        "../../envs/environment.yaml"
+    script:
+        "../scripts/collect_metrics.py"
+
+
+def publish_what_there_is():
+    """After a failure: the table with a row for every object all the same, the failed ones with their reason."""
+    from brepgaussian.metrics.stage import collect
+
+    table = str(rules.metrics.output.table)
+    if workflow.dag is None or table not in map(str, workflow.dag.targetfiles | workflow.dag.derived_targetfiles):
+        return
+    done, failed = unfinished(RESULTS, VARIANTS, config["variants"], OBJECTS)
+    collect(done, failed, table)
+    print(f"{len(failed)} object(s) failed: see the column `reason` of {table}", file=sys.stderr)

@@ -1,0 +1,55 @@
+# report: a page and a contact sheet per object, tables.
+# needs: everything.  makes: view.html, sheet.png
+
+
+rule page:
+    input:
+        views=kept("views", "views.h5"),
+        truth=truth,
+        masks=kept("masks", "masks.h5"),
+        surfels=kept("stage1", "stage1.ply"),
+        evidence=kept("stage1", "stage1.h5"),
+        points=kept("points", "points.ply"),
+        primitives=kept("primitives", "primitives.h5"),
+        step=kept("brep", "brep.step"),
+        brep=kept("brep", "brep.h5"),
+        row=kept("metrics", "metrics.csv"),
+    output:
+        page=report(
+            ensure(RESULTS + "/{variant}/{object}/view.html", non_empty=True),
+            caption="../report/page.rst",
+            category="Objects",
+            labels={"object": "{object}", "variant": "{variant}", "what": "page"},
+        ),
+        sheet=report(
+            ensure(RESULTS + "/{variant}/{object}/sheet.png", non_empty=True),
+            caption="../report/sheet.rst",
+            category="Objects",
+            labels={"object": "{object}", "variant": "{variant}", "what": "contact sheet"},
+        ),
+    log:
+        "logs/{variant}/{object}/report.log",
+    benchmark:
+        "benchmarks/{variant}/{object}/report.tsv"
+    params:
+        settings=settings("report"),
+        failure=failure("report"),
+        code=code("report"),
+    threads: 1
+    resources:
+        mem_mb=2000,
+    conda:
+        "../../envs/environment.yaml"
+    script:
+        "../scripts/report.py"
+
+
+rule pages:
+    """All pages and contact sheets."""
+    input:
+        expand(
+            RESULTS + "/{variant}/{object}/{file}",
+            variant=config["variants"],
+            object=OBJECTS,
+            file=["view.html", "sheet.png"],
+        ),

@@ -1,0 +1,35 @@
+# views: the images, silhouettes and cameras of an object in the unit frame, and its truth where one is known.
+# needs: a row of the object table.  makes: views.h5, truth.h5
+
+
+rule views:
+    input:
+        files=lambda wildcards: source_files(OBJECTS[wildcards.object]),
+    output:
+        views=ensure(RESULTS + "/{variant}/{object}/views.h5", non_empty=True),
+        truth=ensure(RESULTS + "/{variant}/{object}/truth.h5", non_empty=True),
+    log:
+        "logs/{variant}/{object}/views.log",
+    benchmark:
+        "benchmarks/{variant}/{object}/views.tsv"
+    wildcard_constraints:
+        object=pattern(name for name, row in OBJECTS.items() if has_truth(row)),
+    params:
+        row=lambda wildcards: vars(OBJECTS[wildcards.object]),
+        settings=settings("views"),
+        failure=failure("views"),
+        code=code("views"),
+    threads: 1
+    resources:
+        mem_mb=3000,
+    conda:
+        "../../envs/environment.yaml"
+    script:
+        "../scripts/views.py"
+
+
+use rule views as views_without_truth with:
+    output:
+        views=ensure(RESULTS + "/{variant}/{object}/views.h5", non_empty=True),
+    wildcard_constraints:
+        object=pattern(name for name, row in OBJECTS.items() if not has_truth(row)),

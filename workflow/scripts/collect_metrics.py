@@ -1,0 +1,10 @@
+"""Rule `metrics`: the rows of all objects to one table."""
+
+from pathlib import Path
+
+from brepgaussian.jobs import job
+
+with job("metrics", snakemake.log[0], snakemake.threads):
+    from brepgaussian.metrics.stage import collect
+
+    collect([Path(row) for row in snakemake.input.rows], [], snakemake.output.table)
