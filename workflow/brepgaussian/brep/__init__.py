@@ -1,0 +1,1 @@
+"""Primitives to a closed solid: arrangement, minimum cut, gate, STEP."""
