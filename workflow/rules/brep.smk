@@ -15,14 +15,14 @@ rule brep:
         "logs/{variant}/{object}/brep.log",
     benchmark:
         "benchmarks/{variant}/{object}/brep.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
     params:
         settings=settings("brep"),
         failure=failure("brep"),
         code=code("brep"),
-    threads: 1
-    resources:
-        mem_mb=3000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/brep.py"

@@ -9,7 +9,9 @@ from snakemake.exceptions import WorkflowError
 LIBRARY = str(Path(workflow.basedir) / "workflow")
 sys.path.insert(0, LIBRARY)
 # scripts find the library by this, in conda environments too
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [LIBRARY, os.environ.get("PYTHONPATH")]))
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, [LIBRARY, os.environ.get("PYTHONPATH")])
+)
 
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.project.code import code_hash
@@ -22,7 +24,9 @@ RESULTS = config["results"]
 
 try:
     OBJECTS = configured_objects(config)
-    VARIANTS = read_variants(config.get("settings") or {}, config.get("overlays") or {}, config["variants"])
+    VARIANTS = read_variants(
+        config.get("settings") or {}, config.get("overlays") or {}, config["variants"]
+    )
 except BrepGaussianError as error:
     raise WorkflowError(str(error))
 
@@ -39,12 +43,18 @@ wildcard_constraints:
 
 def kept(stage, file):
     """An input function: a stage's file, in the folder of the variant that keeps it."""
-    return lambda wildcards: f"{RESULTS}/{VARIANTS.owner(wildcards.variant, stage)}/{wildcards.object}/{file}"
+    return (
+        lambda wildcards: f"{RESULTS}/{VARIANTS.owner(wildcards.variant, stage)}/{wildcards.object}/{file}"
+    )
 
 
 def truth(wildcards):
     """The object's truth, where one is known."""
-    return kept("views", "truth.h5")(wildcards) if has_truth(OBJECTS[wildcards.object]) else []
+    return (
+        kept("views", "truth.h5")(wildcards)
+        if has_truth(OBJECTS[wildcards.object])
+        else []
+    )
 
 
 def settings(stage):
@@ -54,7 +64,9 @@ def settings(stage):
 
 def failure(stage):
     """A params function: where the stage records why it failed."""
-    return lambda wildcards: str(failure_path(RESULTS, wildcards.variant, wildcards.object, stage))
+    return lambda wildcards: str(
+        failure_path(RESULTS, wildcards.variant, wildcards.object, stage)
+    )
 
 
 def code(stage):
@@ -72,4 +84,8 @@ def benchmarks(wildcards):
 
 def rows():
     """One row of metrics an object and variant."""
-    return expand(RESULTS + "/{variant}/{object}/metrics.csv", variant=config["variants"], object=OBJECTS)
+    return expand(
+        RESULTS + "/{variant}/{object}/metrics.csv",
+        variant=config["variants"],
+        object=OBJECTS,
+    )

@@ -6,7 +6,9 @@ rule masks:
     input:
         views=kept("views", "views.h5"),
         truth=lambda wildcards: (
-            truth(wildcards) if VARIANTS.settings(wildcards.variant, "masks").get("patches") == "truth" else []
+            truth(wildcards)
+            if VARIANTS.settings(wildcards.variant, "masks").get("patches") == "truth"
+            else []
         ),
     output:
         masks=ensure(RESULTS + "/{variant}/{object}/masks.h5", non_empty=True),
@@ -14,14 +16,14 @@ rule masks:
         "logs/{variant}/{object}/masks.log",
     benchmark:
         "benchmarks/{variant}/{object}/masks.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
     params:
         settings=settings("masks"),
         failure=failure("masks"),
         code=code("masks"),
-    threads: 1
-    resources:
-        mem_mb=2000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/masks.py"

@@ -15,16 +15,16 @@ rule object_metrics:
         "logs/{variant}/{object}/metrics.log",
     benchmark:
         "benchmarks/{variant}/{object}/metrics.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
     params:
         benchmarks=benchmarks,
         settings=settings("metrics"),
         failure=failure("metrics"),
         code=code("metrics"),
-    threads: 1
-    resources:
-        mem_mb=2000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/metrics.py"
 
@@ -42,11 +42,11 @@ rule metrics:
         "logs/metrics.log",
     benchmark:
         "benchmarks/metrics.tsv"
-    params:
-        code=code("metrics"),
-    threads: 1
     conda:
         "../../envs/environment.yaml"
+    threads: 1
+    params:
+        code=code("metrics"),
     script:
         "../scripts/collect_metrics.py"
 
@@ -56,8 +56,13 @@ def publish_what_there_is():
     from brepgaussian.metrics.stage import collect
 
     table = str(rules.metrics.output.table)
-    if workflow.dag is None or table not in map(str, workflow.dag.targetfiles | workflow.dag.derived_targetfiles):
+    if workflow.dag is None or table not in map(
+        str, workflow.dag.targetfiles | workflow.dag.derived_targetfiles
+    ):
         return
     done, failed = unfinished(RESULTS, VARIANTS, config["variants"], OBJECTS)
     collect(done, failed, table)
-    print(f"{len(failed)} object(s) failed: see the column `reason` of {table}", file=sys.stderr)
+    print(
+        f"{len(failed)} object(s) failed: see the column `reason` of {table}",
+        file=sys.stderr,
+    )

@@ -15,14 +15,14 @@ rule points:
         "logs/{variant}/{object}/points.log",
     benchmark:
         "benchmarks/{variant}/{object}/points.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
     params:
         settings=settings("points"),
         failure=failure("points"),
         code=code("points"),
-    threads: 1
-    resources:
-        mem_mb=2000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/points.py"

@@ -11,14 +11,14 @@ rule primitives:
         "logs/{variant}/{object}/primitives.log",
     benchmark:
         "benchmarks/{variant}/{object}/primitives.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
     params:
         settings=settings("primitives"),
         failure=failure("primitives"),
         code=code("primitives"),
-    threads: 1
-    resources:
-        mem_mb=1500,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/primitives.py"

@@ -25,21 +25,25 @@ rule page:
             ensure(RESULTS + "/{variant}/{object}/sheet.png", non_empty=True),
             caption="../report/sheet.rst",
             category="Objects",
-            labels={"object": "{object}", "variant": "{variant}", "what": "contact sheet"},
+            labels={
+                "object": "{object}",
+                "variant": "{variant}",
+                "what": "contact sheet",
+            },
         ),
     log:
         "logs/{variant}/{object}/report.log",
     benchmark:
         "benchmarks/{variant}/{object}/report.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
     params:
         settings=settings("report"),
         failure=failure("report"),
         code=code("report"),
-    threads: 1
-    resources:
-        mem_mb=2000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/report.py"
 

@@ -13,14 +13,14 @@ rule stage1:
         "logs/{variant}/{object}/stage1.log",
     benchmark:
         "benchmarks/{variant}/{object}/stage1.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
     params:
         settings=settings("stage1"),
         failure=failure("stage1"),
         code=code("stage1"),
-    threads: 1
-    resources:
-        mem_mb=3000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/stage1.py"

@@ -13,14 +13,14 @@ rule stage2:
         "logs/{variant}/{object}/stage2.log",
     benchmark:
         "benchmarks/{variant}/{object}/stage2.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
     params:
         settings=settings("stage2"),
         failure=failure("stage2"),
         code=code("stage2"),
-    threads: 1
-    resources:
-        mem_mb=3000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/stage2.py"

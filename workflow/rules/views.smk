@@ -14,16 +14,16 @@ rule views:
         "benchmarks/{variant}/{object}/views.tsv"
     wildcard_constraints:
         object=pattern(name for name, row in OBJECTS.items() if has_truth(row)),
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
     params:
         row=lambda wildcards: vars(OBJECTS[wildcards.object]),
         settings=settings("views"),
         failure=failure("views"),
         code=code("views"),
-    threads: 1
-    resources:
-        mem_mb=3000,
-    conda:
-        "../../envs/environment.yaml"
     script:
         "../scripts/views.py"
 
