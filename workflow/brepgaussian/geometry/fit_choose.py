@@ -1,0 +1,137 @@
+"""Choice of the kind of surface by evidence, not by residual alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.geometry.fit_refine import PARAMETERS
+from brepgaussian.geometry.fit_robust import fit_robust, residuals
+from brepgaussian.geometry.fit_start import MINIMUM
+from brepgaussian.geometry.surfaces import KINDS, Surface
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NORMAL_NOISE = np.radians(4.0)  # of surfels before averaging
+EFFECTIVE = 60  # independent observations in a patch: surfel error is smooth, so 1000 points are not 1000 facts
+KEPT = 0.9  # share of the points that judges a fit: wrong labels must not choose the kind
+MAX_TORUS_RATIO = 100.0  # radii of a torus; beyond it the data cannot tell it from a cylinder
+_SMALL = 1e-12
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A surface and why it was chosen.
+
+    Attributes:
+        surface: the fit.
+        inliers: (N,) points that it explains.
+        rms: root mean square distance of the inliers.
+        cost: description length in nats (twice the negative log likelihood plus the price of parameters).
+        costs: the cost of every kind that was fitted (kinds that could not win any more are not).
+    """
+
+    surface: Surface
+    inliers: Mask
+    rms: float
+    cost: float
+    costs: dict[str, float]
+
+
+def choose(
+    points: Array,
+    normals: Array,
+    sigma: float,
+    kinds: Sequence[str] = KINDS,
+    normal_sigma: float = NORMAL_NOISE,
+    effective: int = EFFECTIVE,
+    initial: Sequence[Surface] = (),
+    rng: np.random.Generator | None = None,
+) -> Choice:
+    """Fit every kind robustly and keep the one with the shortest description.
+
+    A kind costs `description_length`. Residuals below the noise earn nothing, so that every kind that
+    explains the points to within the noise ties on the data and the fewest parameters win: a tiny patch
+    of a big cylinder stays a plane, a slightly bent plane never becomes a huge cylinder.
+
+    Args:
+        points: (N, 3).
+        normals: (N, 3) outward unit normals.
+        sigma: noise of the points (distance that is not worth explaining).
+        kinds: the kinds tried.
+        normal_sigma: noise of the normals, radians.
+        effective: most independent observations that the points count for.
+        initial: further starts of any kind (a neighbour's axis, the surface of an earlier round).
+        rng: as in `fit_robust`.
+
+    Raises:
+        ValueError: no kind could be fitted.
+    """
+    rng = np.random.default_rng(0) if rng is None else rng
+    found: dict[str, tuple[float, Surface, Mask]] = {}
+    for kind in sorted(kinds, key=lambda k: PARAMETERS[k]):
+        if len(points) < max(MINIMUM[kind], PARAMETERS[kind]):
+            continue
+        least = PARAMETERS[kind] * np.log(max(min(len(points), effective), 2))  # a perfect fit of this kind
+        if any(cost <= least for cost, _, _ in found.values()):
+            break
+        for start in (None, *(s for s in initial if s.kind == kind)):
+            try:
+                surface, mask = fit_robust(kind, points, normals, sigma, initial=start, rng=rng)
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+            if not plausible(surface, points):
+                continue
+            cost = description_length(surface, points, normals, sigma, normal_sigma, effective)
+            if kind not in found or cost < found[kind][0]:
+                found[kind] = cost, surface, mask
+    if not found:
+        raise ValueError(f"{len(points)} points determine none of {', '.join(kinds)}")
+    best = min(found, key=lambda k: (found[k][0], PARAMETERS[k]))
+    cost, surface, mask = found[best]
+    near = mask if mask.any() else np.ones(len(points), bool)
+    rms = float(np.sqrt(np.mean(surface.signed_distance(points[near]) ** 2)))
+    return Choice(surface, mask, rms, cost, {k: v[0] for k, v in found.items()})
+
+
+def description_length(
+    surface: Surface,
+    points: Array,
+    normals: Array,
+    sigma: float,
+    normal_sigma: float = NORMAL_NOISE,
+    effective: int = EFFECTIVE,
+) -> float:
+    """Bayesian information criterion with noise floors: n log(s^2 / sigma^2) + n log(a^2 / normal_sigma^2) + k log n.
+
+    s and a are the root mean squares of the best `KEPT` distances and angles, not below their noise; n is
+    the number of points, at most `effective`; k the number of parameters.
+    """
+    distance, turn = residuals(surface, points, normals)
+    count = min(len(points), effective)
+    far = _spread(distance) / max(sigma, _SMALL)
+    turned = _spread(turn) / max(normal_sigma, _SMALL)
+    data = 2 * np.log(max(far, 1.0)) + 2 * np.log(max(turned, 1.0))
+    return float(count * data + PARAMETERS[surface.kind] * np.log(max(count, 2)))
+
+
+def plausible(surface: Surface, points: Array) -> bool:
+    """False for surfaces that no part has: a radius far beyond the points, a needle or a disc of a cone."""
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.minor]).all():
+        return False
+    if surface.kind == "plane":
+        return True
+    if surface.kind == "torus":
+        return surface.minor < 10 * extent and surface.radius < MAX_TORUS_RATIO * surface.minor
+    if surface.kind == "cone" and not np.radians(2.0) < surface.angle < np.radians(88.0):
+        return False
+    return surface.radius < 20 * extent
+
+
+def _spread(values: Array) -> float:
+    """Root mean square of the smallest `KEPT` share."""
+    count = max(1, int(np.ceil(KEPT * len(values))))
+    return float(np.sqrt(np.mean(np.partition(values, count - 1)[:count] ** 2)))
