@@ -29,7 +29,15 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GProp import GProp_GProps
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID, TopAbs_VERTEX, TopAbs_ShapeEnum
+from OCP.TopAbs import (
+    TopAbs_EDGE,
+    TopAbs_FACE,
+    TopAbs_FORWARD,
+    TopAbs_REVERSED,
+    TopAbs_ShapeEnum,
+    TopAbs_SOLID,
+    TopAbs_VERTEX,
+)
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -37,6 +45,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+FORWARD = TopAbs_FORWARD
 _SURFACE_KINDS = {
     GeomAbs_Plane: "plane",
     GeomAbs_Cylinder: "cylinder",
@@ -68,6 +77,15 @@ def typed(shape: TopoDS_Shape) -> Any:
 def faces(shape: TopoDS_Shape) -> list[TopoDS_Face]:
     """The faces of a shape."""
     return shapes(shape, TopAbs_FACE)
+
+
+def oriented_faces(shape: TopoDS_Shape) -> list[TopoDS_Face]:
+    """Every use of a face in a shape, with its orientation there."""
+    found, explorer = [], TopExp_Explorer(shape, TopAbs_FACE)
+    while explorer.More():
+        found.append(TopoDS.Face(explorer.Current()))
+        explorer.Next()
+    return found
 
 
 def solids(shape: TopoDS_Shape) -> list[Any]:

@@ -1,0 +1,79 @@
+"""What the assembly knows of one primitive: its surface and the cleaned points that support it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.artifacts.points import Points
+from brepgaussian.artifacts.primitives import Primitive
+from brepgaussian.geometry.surfaces import Surface
+
+Array = NDArray[np.float64]
+
+NEIGHBOURS = 6  # a disc that holds six points on average is empty once in 400 times
+_ISOLATED = 4.0  # a point whose neighbours are this many times farther than usual is a stray label
+_MIN_POINTS = 8  # fewer points define no extent
+
+
+@dataclass(frozen=True)
+class Patch:
+    """One primitive as the assembly sees it.
+
+    Attributes:
+        surface: the fitted surface.
+        primitive: its index in `primitives.h5`.
+        xyz: (S, 3) support without stray points; `normals`: (S, 3) their outward normals.
+        reach: radius within which a place on the patch is expected to hold a point.
+        sigma: distance of the points from the surface (root mean square).
+    """
+
+    surface: Surface
+    primitive: int
+    xyz: Array
+    normals: Array
+    reach: float
+    sigma: float
+
+
+def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -> list[Patch]:
+    """Clean the supports of primitives; those with next to no points are left out."""
+    patches = []
+    for index, item in enumerate(items):
+        support = item.support[(item.support >= 0) & (item.support < len(points.xyz))]
+        if len(support) < _MIN_POINTS or not _sane(item.surface):
+            continue
+        xyz = points.xyz[support].astype(float)
+        normals = points.normals[support].astype(float)
+        finite = np.isfinite(xyz).all(axis=1)
+        xyz, normals = xyz[finite], np.nan_to_num(normals[finite])
+        keep, reach = _dense(xyz)
+        if keep.sum() < _MIN_POINTS:
+            continue
+        sigma = float(np.sqrt(np.mean(item.surface.signed_distance(xyz[keep]) ** 2)))
+        patches.append(Patch(item.surface, index, xyz[keep], normals[keep], min(reach, max_reach), sigma))
+    return patches
+
+
+def _sane(surface: Surface) -> bool:
+    """Whether a surface can be built at all."""
+    numbers = [*surface.origin, *surface.axis, surface.radius, surface.minor, surface.angle]
+    if not np.isfinite(numbers).all() or not np.isclose(np.linalg.norm(surface.axis), 1.0, atol=1e-6):
+        return False
+    if surface.kind in ("cylinder", "sphere", "torus") and surface.radius <= 0:
+        return False
+    if surface.kind == "torus" and not surface.minor > 0:
+        return False
+    return surface.kind != "cone" or 0 < surface.angle < np.pi / 2
+
+
+def _dense(xyz: Array) -> tuple[NDArray[np.bool_], float]:
+    """Which points have neighbours, and the usual distance to the sixth."""
+    if len(xyz) < _MIN_POINTS:
+        return np.zeros(len(xyz), bool), 0.0
+    count = min(NEIGHBOURS, len(xyz) - 1)
+    distances = cKDTree(xyz).query(xyz, count + 1)[0][:, -1]
+    usual = float(np.quantile(distances, 0.75))
+    return distances <= _ISOLATED * max(usual, 1e-12), usual

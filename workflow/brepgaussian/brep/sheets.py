@@ -1,0 +1,262 @@
+"""Bounded faces: each primitive as a sheet a little larger than its support, exact at tangent ends."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from brepgaussian.brep.chart import TURN, Chart, chart_of, largest_gap
+from brepgaussian.brep.patches import Patch
+
+Array = NDArray[np.float64]
+
+BOX = np.array([[-0.1] * 3, [1.1] * 3])  # a sheet of full extent ends here: the unit frame and a rim
+FULL_TURN_GAP = np.radians(100.0)  # a support with a smaller gap is taken as a full turn
+TANGENT_SINE = 1e-4  # sine of the angle between normals where two surfaces count as tangent
+TANGENT_DISTANCE = 1e-5  # and their distance there, unit frame; the regularised fits are exact to rounding
+_SCAN, _LANES, _GOLDEN_STEPS = 25, 5, 60
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A bounded face to be built.
+
+    Attributes:
+        patch: index of its patch.
+        chart: its parametrisation.
+        limits: u0, u1, v0, v1 of a curved sheet.
+        polygon: (K, 2) corners in u, v of a plane sheet, counter-clockwise; None for curved ones.
+    """
+
+    patch: int
+    chart: Chart
+    limits: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    polygon: Array | None = None
+
+
+def make_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool = False) -> Sheet:
+    """The sheet of one patch: its support plus `margin`, or all of the unit box if `extend`."""
+    patch = patches[index]
+    margin += patch.reach  # points end about this far before the patch does
+    if patch.surface.kind == "plane":
+        return _plane_sheet(index, patch, margin, extend)
+    chart, points = _seamed_chart(index, patches)
+    uv = chart.parameters(points)
+    start_v = 0.0
+    if patch.surface.kind == "torus":  # unroll the tube at its largest gap
+        middle, _ = largest_gap(uv[:, 1])
+        start_v = middle - TURN
+        uv[:, 1] = start_v + np.mod(uv[:, 1] - start_v, TURN)
+    u_range = (float(uv[:, 0].min()), float(uv[:, 0].max()))
+    v_range = (float(uv[:, 1].min()), float(uv[:, 1].max()))
+    scale_u, scale_v = chart.scale(float(np.median(uv[:, 1])))
+    sheet = Sheet(index, chart)
+    u0, u1 = _ends(sheet, patches, 0, u_range, v_range, margin, scale_u)
+    v0, v1 = _ends(sheet, patches, 1, v_range, u_range, margin, scale_v)
+    free_u = u0[1] and u1[1]
+    full_u = free_u and (extend or TURN - (u_range[1] - u_range[0]) < FULL_TURN_GAP or u1[0] - u0[0] > TURN)
+    limits_u = (0.0, TURN) if full_u else (max(u0[0], 0.0), min(u1[0], TURN))
+    limits_v = _limit_v(patch, v0, v1, margin, extend, start_v)
+    return replace(sheet, limits=(*limits_u, *limits_v))
+
+
+def _seamed_chart(index: int, patches: Sequence[Patch]) -> tuple[Chart, Array]:
+    """A chart whose seam lies in the support's largest gap, and the support on the surface."""
+    patch = patches[index]
+    points = patch.surface.project(patch.xyz)
+    axis = _sphere_axis(index, patches) if patch.surface.kind == "sphere" else patch.surface.axis
+    chart = chart_of(patch.surface, axis)
+    seam, _ = largest_gap(chart.parameters(points)[:, 0])
+    x = np.cos(seam) * chart.x + np.sin(seam) * chart.y
+    return chart_of(patch.surface, axis, x), points
+
+
+def _sphere_axis(index: int, patches: Sequence[Patch]) -> Array:
+    """The axis of a surface of revolution that a sphere is centred on, else one across the support.
+
+    Neighbours on the axis meet the sphere in circles of constant v; without one, poles and seam are
+    kept away from the support.
+    """
+    patch = patches[index]
+    center, radius = patch.surface.origin, patch.surface.radius
+    best, best_distance = None, np.inf
+    for other in patches:
+        if other.surface.kind not in ("cylinder", "cone", "torus"):
+            continue
+        offset = center - other.surface.origin
+        off_axis = np.linalg.norm(offset - (offset @ other.surface.axis) * other.surface.axis)
+        gap = np.linalg.norm(other.xyz - center, axis=1).min() - radius
+        if off_axis < TANGENT_DISTANCE and gap < best_distance:
+            best, best_distance = other.surface.axis, gap
+    if best is not None:
+        return best
+    mean = (patch.xyz - center).mean(axis=0)
+    if np.linalg.norm(mean) < 0.1 * radius:
+        return np.array([0.0, 0.0, 1.0])
+    return chart_of(patch.surface, mean / np.linalg.norm(mean)).x
+
+
+def _ends(
+    sheet: Sheet,
+    patches: Sequence[Patch],
+    which: int,
+    own: tuple[float, float],
+    across: tuple[float, float],
+    margin: float,
+    scale: float,
+) -> tuple[tuple[float, bool], tuple[float, bool]]:
+    """Lower and upper end of one parameter, each with whether it is free (not tangent to a neighbour)."""
+    window = (1.5 * margin + patches[sheet.patch].reach) / scale
+    window = min(window, 0.45 * max(own[1] - own[0], 1e-9) + patches[sheet.patch].reach / scale)
+    result = []
+    for end, outward in ((own[0], -1.0), (own[1], 1.0)):
+        found = _tangent_end(sheet, patches, which, end, window, across)
+        result.append((end + outward * margin / scale, True) if found is None else (found, False))
+    return result[0], result[1]
+
+
+def _tangent_end(
+    sheet: Sheet, patches: Sequence[Patch], which: int, end: float, window: float, across: tuple[float, float]
+) -> float | None:
+    """Parameter near `end` along which another patch is tangent to this one; the nearest to `end`."""
+    lanes = np.linspace(across[0], across[1], _LANES)
+    scan = np.linspace(end - window, end + window, _SCAN)
+    best: float | None = None
+    for other_index, other in enumerate(patches):
+        if other_index == sheet.patch:
+            continue
+        sines = _sine(sheet, other, which, scan, lanes)
+        least = int(np.argmin(sines))
+        if sines[least] > np.sin(2.5 * (scan[1] - scan[0]) + 0.05) or sines.max() < TANGENT_SINE:
+            continue
+        low, high = scan[max(least - 1, 0)], scan[min(least + 1, _SCAN - 1)]
+        at = _golden(lambda t, o=other: float(_sine(sheet, o, which, np.array([t]), lanes)[0]), low, high)
+        if _sine(sheet, other, which, np.array([at]), lanes)[0] > TANGENT_SINE:
+            continue
+        line = _lines(sheet.chart, which, np.array([at]), lanes)
+        if np.abs(other.surface.signed_distance(line)).max() > TANGENT_DISTANCE:
+            continue
+        reach = 2 * max(other.reach, patches[sheet.patch].reach)
+        if np.linalg.norm(other.xyz[:, None] - line, axis=2).min() > reach + 2 * other.sigma:
+            continue  # the same surface elsewhere
+        if best is None or abs(at - end) < abs(best - end):
+            best = at
+    return best
+
+
+def _lines(chart: Chart, which: int, at: Array, lanes: Array) -> Array:
+    """(T * L, 3) points of lines of constant parameter."""
+    a, b = np.meshgrid(at, lanes, indexing="ij")
+    u, v = (a, b) if which == 0 else (b, a)
+    return chart.evaluate(u.ravel(), v.ravel())
+
+
+def _sine(sheet: Sheet, other: Patch, which: int, at: Array, lanes: Array) -> Array:
+    """(T,) largest sine between the normals of two surfaces along lines of constant parameter."""
+    points = _lines(sheet.chart, which, at, lanes)
+    cross = np.cross(sheet.chart.surface.normals(points), other.surface.normals(points))
+    return np.linalg.norm(cross, axis=1).reshape(len(at), len(lanes)).max(axis=1)
+
+
+def _golden(function: object, low: float, high: float) -> float:
+    """Golden-section minimum: the sine is V-shaped at a tangency, so it is found to rounding."""
+    ratio = (np.sqrt(5) - 1) / 2
+    a, b = low, high
+    for _ in range(_GOLDEN_STEPS):
+        c, d = b - ratio * (b - a), a + ratio * (b - a)
+        if function(c) < function(d):  # type: ignore[operator]
+            b = d
+        else:
+            a = c
+    return 0.5 * (a + b)
+
+
+def _limit_v(
+    patch: Patch, v0: tuple[float, bool], v1: tuple[float, bool], margin: float, extend: bool, start_v: float
+) -> tuple[float, float]:
+    """Keep v within the surface: a cone's apex, a sphere's poles, a torus' turn."""
+    surface = patch.surface
+    low, high = v0[0], v1[0]
+    if extend:
+        far = float(np.abs(BOX).max() * np.sqrt(3) + np.linalg.norm(surface.origin))
+        ends = {"sphere": (-np.pi / 2, np.pi / 2), "torus": (start_v, start_v + TURN)}
+        full = ends.get(surface.kind, _box_range(patch))
+        full = (max(full[0], -far), min(full[1], far))
+        low, high = (full[0] if v0[1] else low), (full[1] if v1[1] else high)
+    if surface.kind == "cone":
+        apex = -surface.radius / np.sin(surface.angle)
+        low = apex if low < apex + margin and v0[1] else low
+    if surface.kind == "sphere":
+        snap = margin / surface.radius
+        low = -np.pi / 2 if v0[1] and low < -np.pi / 2 + snap else low
+        high = np.pi / 2 if v1[1] and high > np.pi / 2 - snap else high
+    if surface.kind == "torus" and v0[1] and v1[1] and high - low > TURN - FULL_TURN_GAP:
+        low, high = start_v, start_v + TURN
+    return low, high
+
+
+def _box_range(patch: Patch) -> tuple[float, float]:
+    """Range of v (a length) of a cylinder or cone within the box."""
+    corners = np.array(np.meshgrid(*BOX.T)).reshape(3, -1).T
+    along = (corners - patch.surface.origin) @ patch.surface.axis
+    slant = np.cos(patch.surface.angle)
+    return float(along.min() / slant), float(along.max() / slant)
+
+
+def _plane_sheet(index: int, patch: Patch, margin: float, extend: bool) -> Sheet:
+    """An octagon around the support, aligned with its narrowest rectangle, or the plane's cut of the box."""
+    chart = chart_of(patch.surface)
+    uv = chart.parameters(patch.xyz)
+    if extend:
+        half = np.linalg.norm(BOX[1] - BOX[0])
+        middle = chart.parameters(patch.surface.project(BOX.mean(axis=0)[None]))[0]
+        square = middle + half * np.array([[-1.0, -1.0], [1, -1], [1, 1], [-1, 1]])
+        polygon = square
+        for axis in range(3):
+            for side, sign in ((0, -1.0), (1, 1.0)):
+                gradient = sign * np.array([chart.x[axis], chart.y[axis]])
+                bound = sign * (BOX[side, axis] - patch.surface.origin[axis])
+                polygon = _clip(polygon, gradient, bound)
+        if len(polygon) >= 3:
+            return Sheet(index, chart, polygon=polygon)
+    return Sheet(index, chart, polygon=octagon(uv, margin))
+
+
+def octagon(uv: Array, margin: float) -> Array:
+    """(K, 2) corners of the 8-sided outline of 2D points, grown by `margin`; K is 4 to 8."""
+    try:
+        hull = uv[ConvexHull(uv).vertices]
+    except QhullError:  # all on a line
+        hull = np.unique(uv, axis=0)
+    sides = np.roll(hull, -1, axis=0) - hull
+    angles = np.unique(np.round(np.mod(np.arctan2(sides[:, 1], sides[:, 0]), np.pi / 2), 12))
+    best, best_area = None, np.inf
+    for angle in angles:
+        directions = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        spread = np.ptp(hull @ directions.T, axis=0) + margin
+        if np.prod(spread) < best_area - 1e-12:
+            best, best_area = directions, float(np.prod(spread))
+    assert best is not None
+    low, high = (hull @ best.T).min(axis=0) - margin, (hull @ best.T).max(axis=0) + margin
+    polygon = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]) @ best
+    for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        diagonal = (a * best[0] + b * best[1]) / np.sqrt(2)
+        bound = float((hull @ diagonal).max() + 2 * margin)  # few points lie near the tip of a corner
+        if (polygon @ diagonal).max() - bound > 2 * margin:  # a cut that saves little is left out
+            polygon = _clip(polygon, diagonal, bound)
+    return polygon
+
+
+def _clip(polygon: Array, gradient: Array, bound: float) -> Array:
+    """The part of a convex polygon where gradient . x <= bound."""
+    result: list[Array] = []
+    values = polygon @ gradient - bound
+    for i, (point, value) in enumerate(zip(polygon, values, strict=True)):
+        following, next_value = polygon[(i + 1) % len(polygon)], values[(i + 1) % len(polygon)]
+        if value <= 0:
+            result.append(point)
+        if value * next_value < 0:
+            result.append(point + (following - point) * (value / (value - next_value)))
+    return np.array(result).reshape(-1, 2)
