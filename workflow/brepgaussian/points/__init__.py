@@ -1,0 +1,1 @@
+"""From surfels to a labelled point cloud: densification, patch labels, edge instances."""

@@ -1,0 +1,204 @@
+"""Edge instances: the curves in which the primitives of neighbouring patches meet, walked step by step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.points.graph import Index
+
+Array = NDArray[np.float64]
+SHARP = np.sin(np.radians(8.0))  # patches that meet at less are tangent: no edge (an edge is sharp from 10 degrees)
+_NEWTON_STEPS = 6
+_ON_CURVE = 1e-5  # unit frame; a point this near to both surfaces lies on their curve
+_BORDER = 2.2  # spacings from a point to the nearest one of the other patch
+_SUPPORT = 2.5  # spacings from a curve to the border points that support it
+_REACH = 3.5  # spacings beyond the last support where a third patch may end the curve
+_LEAST_SUPPORT = 4  # border points
+_MOST_STEPS = 4000
+_SHORTEST = 1.5  # spacings
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One edge instance: (S, 3) ordered points, the two patches, whether it is closed."""
+
+    points: Array
+    pair: tuple[int, int]
+    closed: bool
+
+
+def find_curves(xyz: Array, labels: Index, surfaces: list[Surface], spacing: float, step: float) -> list[Curve]:
+    """All sharp curves between neighbouring patches.
+
+    Args:
+        xyz: (N, 3) labelled points; labels: (N,) patch of each, -1 = none.
+        surfaces: primitive of each patch.
+        spacing: typical distance between neighbouring points.
+        step: distance between the points of a curve.
+    """
+    borders = _border_points(xyz, labels, _BORDER * spacing)
+    trees = {k: cKDTree(xyz[labels == k]) for k in range(len(surfaces)) if (labels == k).any()}
+    curves: list[Curve] = []
+    for (a, b), points in borders.items():
+        on, valid = project(points, surfaces[a], surfaces[b])
+        valid &= np.linalg.norm(on - points, axis=1) < 2 * _BORDER * spacing
+        curves += _walk_all(on[valid], (a, b), surfaces, trees, spacing, step)
+    return curves
+
+
+def _border_points(xyz: Array, labels: Index, reach: float) -> dict[tuple[int, int], Array]:
+    """Midpoints between points of two patches that lie within reach of each other, per pair of patches."""
+    tree = cKDTree(xyz)
+    k = min(16, len(xyz))
+    distance, index = tree.query(xyz, k=k, distance_upper_bound=reach)
+    rows, columns = np.nonzero(np.isfinite(distance.reshape(len(xyz), k)))
+    i, j = rows, index.reshape(len(xyz), k)[rows, columns]
+    cross = (labels[i] != labels[j]) & (labels[i] >= 0) & (labels[j] >= 0) & (i < j)
+    i, j = i[cross], j[cross]
+    low, high = np.minimum(labels[i], labels[j]), np.maximum(labels[i], labels[j])
+    middle = (xyz[i] + xyz[j]) / 2
+    borders = {}
+    count = int(labels.max(initial=0)) + 1
+    key = low * count + high
+    for value in np.unique(key).tolist():
+        borders[divmod(value, count)] = middle[key == value]
+    return borders
+
+
+def project(points: Array, one: Surface, other: Surface) -> tuple[Array, NDArray[np.bool_]]:
+    """Nearest points on the intersection of two surfaces by Newton's method; (N,) whether they are on it."""
+    points = points.copy()
+    f = np.zeros((len(points), 2))
+    for _ in range(_NEWTON_STEPS):
+        f = np.column_stack([one.signed_distance(points), other.signed_distance(points)])
+        n1, n2 = one.normals(points), other.normals(points)
+        cosine = (n1 * n2).sum(1)
+        det = np.maximum(1 - cosine**2, 1e-4)
+        c1, c2 = (f[:, 0] - cosine * f[:, 1]) / det, (f[:, 1] - cosine * f[:, 0]) / det
+        points -= c1[:, None] * n1 + c2[:, None] * n2
+    n1, n2 = one.normals(points), other.normals(points)
+    sharp = np.linalg.norm(np.cross(n1, n2), axis=1) > SHARP
+    return points, sharp & (np.abs(f).max(1) < _ON_CURVE)
+
+
+def _walk_all(
+    on: Array, pair: tuple[int, int], surfaces: list[Surface], trees: dict[int, cKDTree], spacing: float, step: float
+) -> list[Curve]:
+    """Walk from a border point not yet passed, until all are passed."""
+    curves = []
+    left = np.ones(len(on), bool)
+    support = cKDTree(on) if len(on) else None
+    while left.any() and support is not None:
+        # start where the border is densest, not at a stray point
+        candidates = np.flatnonzero(left)
+        start = on[
+            candidates[
+                np.argmin(support.query(on[candidates], k=min(4, len(on)))[0].reshape(len(candidates), -1)[:, -1])
+            ]
+        ]
+        path, closed = walk(start, surfaces[pair[0]], surfaces[pair[1]], support, _SUPPORT * spacing, step)
+        distance = cKDTree(path).query(on)[0]
+        passed = left & (distance < _SUPPORT * spacing)
+        passed[np.argmin(np.where(left, np.linalg.norm(on - start, axis=1), np.inf))] = True
+        left &= ~passed
+        if passed.sum() < _LEAST_SUPPORT:
+            continue
+        if not closed:
+            path = _trim(path, pair, surfaces, trees, on, spacing, step)
+        if len(path) >= 2 and np.linalg.norm(np.diff(path, axis=0), axis=1).sum() >= _SHORTEST * spacing:
+            curves.append(Curve(path, pair, closed))
+    return curves
+
+
+def walk(start: Array, one: Surface, other: Surface, support: cKDTree, reach: float, step: float) -> tuple[Array, bool]:
+    """Walk along the intersection of two surfaces from a point on it, both ways, as far as there is support.
+
+    Returns:
+        (S, 3) ordered points and whether they close.
+    """
+    halves = []
+    for sign in (1.0, -1.0):
+        path = [start]
+        heading: Array | None = None
+        while len(path) < _MOST_STEPS:
+            here = path[-1][None]
+            tangent = np.cross(one.normals(here)[0], other.normals(here)[0])
+            length = np.linalg.norm(tangent)
+            if length < SHARP / 2:
+                break
+            tangent = tangent / length
+            if heading is None:
+                tangent = sign * tangent
+            elif tangent @ heading < 0:
+                tangent = -tangent
+            heading = tangent
+            there, valid = project(here + step * tangent, one, other)
+            if not valid[0] or np.linalg.norm(there[0] - here[0]) > 2 * step:
+                break
+            if support.query(there[0], distance_upper_bound=reach)[0] == np.inf:
+                break
+            path.append(there[0])
+            if len(path) > 6 and np.linalg.norm(there[0] - start) < 0.75 * step:
+                return np.array(path[:-1]), True
+        halves.append(path)
+    return np.array(halves[1][:0:-1] + halves[0]), False
+
+
+def _trim(
+    path: Array, pair: tuple[int, int], surfaces: list[Surface], trees: dict[int, cKDTree], on: Array, spacing: float,
+    step: float,
+) -> Array:  # fmt: skip
+    """End an open curve where a third patch crosses it; else at its last support."""
+    one, other = surfaces[pair[0]], surfaces[pair[1]]
+    for _ in range(2):  # one end, then the other
+        tail = _extend(path, one, other, _REACH * spacing, step)
+        length = len(path)
+        whole = np.concatenate([path, tail])
+        window = max(0, length - 1 - int(2 * _REACH * spacing / step))
+        middle = min(max(window, length // 2), length - 1)
+        best, best_off = None, np.inf
+        for k, tree in trees.items():
+            if k in pair:
+                continue
+            near = tree.query(whole[middle:])[0] < 2 * _BORDER * spacing
+            if not near.any():
+                continue
+            value = surfaces[k].signed_distance(whole[middle:])
+            crossing = np.flatnonzero((value[:-1] * value[1:] <= 0) & near[:-1])
+            for c in crossing:
+                t = value[c] / (value[c] - value[c + 1]) if value[c] != value[c + 1] else 0.0
+                off = abs(middle + c + t - (length - 1 - _SUPPORT * spacing / step / 2))
+                if off < best_off:
+                    corner = whole[middle + c] * (1 - t) + whole[middle + c + 1] * t
+                    best, best_off = (middle + int(c), corner), off
+        if best is not None:
+            path = np.concatenate([whole[: best[0] + 1], best[1][None]])
+        else:
+            keep = cKDTree(on).query(path)[0] < spacing
+            last = int(np.flatnonzero(keep)[-1]) if keep.any() else length - 1
+            path = path[: last + 1]
+        path = path[::-1]
+        if len(path) < 2:
+            break
+    return path
+
+
+def _extend(path: Array, one: Surface, other: Surface, reach: float, step: float) -> Array:
+    tail: list[Array] = []
+    here = path[-1]
+    heading = path[-1] - path[-2] if len(path) > 1 else None
+    while len(tail) * step < reach:
+        tangent = np.cross(one.normals(here[None])[0], other.normals(here[None])[0])
+        length = np.linalg.norm(tangent)
+        if length < SHARP / 2 or heading is None:
+            break
+        tangent = tangent / length * (1 if tangent @ heading > 0 else -1)
+        there, valid = project((here + step * tangent)[None], one, other)
+        if not valid[0]:
+            break
+        here, heading = there[0], tangent
+        tail.append(here)
+    return np.array(tail).reshape(-1, 3)

@@ -1,0 +1,265 @@
+"""Patch labels from all evidence: votes of the masks, normals, primitives, features; their number is unknown.
+
+Recipe: superpoints by greedy contraction, merged while one primitive explains both, then labels and
+primitives in turns by graph cut, merged again; the noise is estimated in between.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.log import get_logger
+from brepgaussian.points import batchfit
+from brepgaussian.points.batchfit import Noise
+from brepgaussian.points.graph import Graph, Index, compact, components
+from brepgaussian.points.merge import KIND_PENALTY, Merger, Models, Nodes, Sampler, best_models, parts_of
+from brepgaussian.points.pearl import alpha_expansion
+from brepgaussian.points.superpoints import contract
+
+Array = NDArray[np.float64]
+log = get_logger("points")
+
+NOISE_FLOOR = Noise(0.0015, np.radians(1.5))
+NOISE_CEILING = Noise(0.006, np.radians(8.0))
+_PAIR_TO_SURFACE = 2.0  # smooth errors: a patch deviates by more than neighbours differ
+_TURN = np.radians(9.0)  # a turn between neighbours that speaks neither for nor against one patch
+_BEND = np.cos(np.radians(11.0))  # parts of a superpoint agree this well, so a fillet starts as strips
+_NORMAL_WEIGHT, _SHARE_NEUTRAL, _FULL_VIEWS = 1.5, 0.8, 8.0
+_REFIT_SAMPLE = 160
+_DATA_CAP = 6.0  # of a node's cost: beyond it a label is wrong, no matter by how much
+_EDGE_NORMALS = 0.25  # share of the normals' cost that is left at an edge
+_NEAR = 4.0  # spacings from a node to the nearest node of a label that it may take
+_BRIDGE = 6.0  # spacings over which pieces of one surface are tried as one patch
+_LABEL_COST = 14.0  # what a label must save to stay
+_SMOOTH, _SMOOTH_FLOOR = 0.9, 0.06  # cost of cutting a pair within a region, and across a border
+
+
+@dataclass(frozen=True)
+class Labelling:
+    """Labels of nodes and their primitives.
+
+    Attributes:
+        labels: (N,) from 0, -1 = none.
+        models: one per label.
+        noise: the final estimate.
+    """
+
+    labels: Index
+    models: Models
+    noise: Noise
+
+
+def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed: int) -> Labelling:
+    """Label nodes of an object with an unknown number of patches."""
+    noise = pair_noise(nodes, graph)
+    labels = contract(graph.pairs, affinity(nodes, graph), nodes.normals, float(_BEND))
+    labels = _drop_small(labels, 3)
+    log.info("superpoints: %d, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
+    if labels.max(initial=-1) < 0:
+        labels = components(graph.pairs, np.zeros(len(nodes.xyz), np.int64))
+    start = labels
+    for turn in range(2):
+        labels = Merger(nodes, graph, start, noise, seed).run()
+        noise = surface_noise(nodes, labels, noise, seed)
+        log.info("merge %d: %d parts, noise %.4f, %.1f deg", turn, labels.max() + 1, noise.distance,
+                 np.degrees(noise.normal))  # fmt: skip
+    models = Models(np.zeros(0, "<U8"), np.zeros((0, 10)), np.zeros(0))
+    for turn in range(3):
+        labels = _drop_small(labels, smallest) if _drop_small(labels, smallest).max() >= 0 else labels
+        labels = Merger(nodes, _bridged(nodes, graph, labels, spacing), labels, noise, seed).run()
+        models = refit(nodes, labels, noise, seed)
+        labels = cut(nodes, graph, labels, models, noise, spacing)
+        labels = compact(components(graph.pairs, labels))
+        labels = _absorb(nodes, graph, labels, smallest)
+        if turn < 2:
+            labels = Merger(nodes, graph, labels, noise, seed).run()
+        log.info("cut %d: %d labels", turn, labels.max() + 1)
+    models = refit(nodes, labels, noise, seed)
+    return Labelling(labels, models, noise)
+
+
+def _bridged(nodes: Nodes, graph: Graph, labels: Index, spacing: float) -> Graph:
+    """The graph with links over the gaps between near parts, so that pieces of one surface can share a label."""
+    labelled = np.flatnonzero(labels >= 0)
+    links = []
+    for k, part in enumerate(parts_of(labels)):
+        rest = labelled[labels[labelled] > k]
+        if not len(rest):
+            continue
+        distance, index = cKDTree(nodes.xyz[part]).query(nodes.xyz[rest], distance_upper_bound=_BRIDGE * spacing)
+        near = np.isfinite(distance)
+        _, first = np.unique(labels[rest[near]], return_index=True)
+        links += [(part[index[near][f]], rest[near][f]) for f in first]
+    if not links:
+        return graph
+    pairs = np.array(links)
+    zero = np.zeros(len(pairs))
+    return Graph(
+        np.concatenate([graph.pairs, pairs]),
+        np.concatenate([graph.distance, zero]),
+        np.concatenate([graph.same, zero]),
+        np.concatenate([graph.both, zero]),
+        np.concatenate([graph.extra, zero]),
+    )
+
+
+def pair_noise(nodes: Nodes, graph: Graph) -> Noise:
+    """Noise from medians over neighbouring pairs: robust to edges, blind to smooth errors (hence the factor)."""
+    if not len(graph.pairs):
+        return NOISE_FLOOR
+    i, j = graph.pairs.T
+    step = nodes.xyz[j] - nodes.xyz[i]
+    mean = nodes.normals[i] + nodes.normals[j]
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-9)
+    rise = np.median(np.abs((step * mean).sum(1))) / 0.6745 / np.sqrt(2)
+    turn = np.median(np.linalg.norm(nodes.normals[i] - nodes.normals[j], axis=1)) / 1.1774 / np.sqrt(2)
+    # chord of a 2D normal deviation: rms = sqrt(2) sigma
+    return _bounded(_PAIR_TO_SURFACE * float(rise), _PAIR_TO_SURFACE * float(turn) * np.sqrt(2))
+
+
+def surface_noise(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Noise:
+    """Noise from the residuals of the larger parts against their primitives."""
+    parts = [p for p in parts_of(labels) if len(p) >= 60]
+    if not parts:
+        return noise
+    points, normals, weights = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
+    models = best_models(points, normals, weights, noise)
+    distances, turns = [], []
+    for k, part in enumerate(parts):
+        p, n = nodes.xyz[part][None], nodes.normals[part][None]
+        d, m = batchfit.evaluate(str(models.kinds[k]), models.rows[k : k + 1], p)
+        distances.append(np.abs(d[0]))
+        turns.append(np.linalg.norm(m[0] - n[0], axis=1))
+    # medians over all their nodes: a part that is two faces, or the blurred normals at edges, weigh little
+    rise, turn = np.median(np.concatenate(distances)), np.median(np.concatenate(turns))
+    return _bounded(float(rise) / 0.6745, float(turn) / 1.1774 * np.sqrt(2))
+
+
+def _bounded(distance: float, normal: float) -> Noise:
+    return Noise(
+        float(np.clip(distance, NOISE_FLOOR.distance, NOISE_CEILING.distance)),
+        float(np.clip(normal, NOISE_FLOOR.normal, NOISE_CEILING.normal)),
+    )
+
+
+def affinity(nodes: Nodes, graph: Graph) -> Array:
+    """(E,) attraction of neighbours: votes, angle between the normals, further evidence."""
+    i, j = graph.pairs.T
+    share = graph.same / np.maximum(graph.both, 1)
+    votes = (share - _SHARE_NEUTRAL) * np.minimum(graph.both, _FULL_VIEWS) / _FULL_VIEWS
+    angle = np.arccos(np.clip((nodes.normals[i] * nodes.normals[j]).sum(1), -1, 1))
+    return votes + _NORMAL_WEIGHT * np.clip(1 - angle / _TURN, -1, 1) + graph.extra
+
+
+def refit(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Models:
+    """The primitive of each label, fitted twice: the second time without what the first explains badly."""
+    parts = parts_of(labels)
+    if not parts:
+        return Models(np.zeros(0, "<U8"), np.zeros((0, 10)), np.zeros(0))
+    points, normals, weights = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
+    models = best_models(points, normals, weights, noise)
+    costs = np.stack(
+        [
+            batchfit.costs(str(models.kinds[k]), models.rows[k : k + 1], points[k][None], normals[k][None], noise, 1e3)[
+                0
+            ]
+            for k in range(len(parts))
+        ]
+    )
+    trimmed = weights * np.where(costs < 4.0, 1.0, 4.0 / np.maximum(costs, 4.0))
+    return best_models(points, normals, trimmed, noise)
+
+
+def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, spacing: float) -> Index:
+    """Graph cut over all labels, then labels that do not pay their cost are dropped."""
+    data = data_costs(nodes, labels, models, noise, spacing)
+    weights = pair_weights(graph)
+    start = np.where(labels >= 0, labels, data.argmin(1))
+    found = alpha_expansion(data, graph.pairs, weights, start, reach=_DATA_CAP)
+    return drop_labels(data, graph, weights, found)
+
+
+def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacing: float) -> Array:
+    """(N, L) cost of each label for each node, capped; far from a label's nodes it is prohibitive.
+
+    Near edges the normals are blurred, so there the distance decides.
+    """
+    data = np.full((len(nodes.xyz), len(models.kinds)), 1e6)
+    believe = _EDGE_NORMALS + (1 - _EDGE_NORMALS) * nodes.trust
+    for k, (kind, row) in enumerate(zip(models.kinds, models.rows, strict=True)):
+        members = nodes.xyz[labels == k]
+        if not len(members):
+            continue
+        near = np.flatnonzero(cKDTree(members).query(nodes.xyz, distance_upper_bound=_NEAR * spacing)[0] < np.inf)
+        distance, normal = batchfit.evaluate(str(kind), row[None], nodes.xyz[near][None])
+        turn = ((normal[0] - nodes.normals[near]) ** 2).sum(1) / noise.normal**2
+        value = 0.5 * ((distance[0] / noise.distance) ** 2 + believe[near] * turn)
+        data[near, k] = np.minimum(value, _DATA_CAP) + KIND_PENALTY[str(kind)]
+    return data
+
+
+def pair_weights(graph: Graph) -> Array:
+    """(E,) cost of cutting a pair: high where the images show one region, low across their borders."""
+    share = (graph.same + 2 * _SHARE_NEUTRAL) / (graph.both + 2)
+    weight = _SMOOTH_FLOOR + _SMOOTH * np.clip((share - 0.2) / 0.8, 0, 1) ** 2
+    near = np.median(graph.distance) / np.maximum(graph.distance, 1e-9) if len(graph.distance) else graph.distance
+    return weight * np.clip(near, 0.3, 1.5) * np.exp(np.clip(graph.extra, -1.5, 0.5))
+
+
+def drop_labels(data: Array, graph: Graph, weights: Array, labels: Index) -> Index:
+    """Drop labels, smallest first, that save less than a label costs."""
+    sizes = np.bincount(labels, minlength=data.shape[1])
+    links = graph.matrix(weights, len(labels))
+    for k in np.argsort(sizes, kind="stable"):
+        members = np.flatnonzero(labels == k)
+        if not len(members) or (labels != k).sum() == 0:
+            continue
+        rivals = data[members].copy()
+        rivals[:, k] = np.inf
+        around = links[members].tocoo()
+        other = labels[around.col]
+        outside = other != k
+        pull = np.zeros_like(rivals)
+        np.add.at(pull, (around.row[outside], other[outside]), around.data[outside])
+        cut_now = pull.sum()
+        choice = (rivals - pull).argmin(1)
+        rows = np.arange(len(members))
+        new = rivals[rows, choice]
+        if not np.isfinite(new).all() or (new >= 1e5).any():
+            continue
+        change = new.sum() - data[members, k].sum() - cut_now + (pull.sum(1) - pull[rows, choice]).sum()
+        if change < _LABEL_COST:
+            labels = labels.copy()
+            labels[members] = choice
+    return labels
+
+
+def _drop_small(labels: Index, smallest: int) -> Index:
+    sizes = np.bincount(labels[labels >= 0], minlength=1)
+    return compact(np.where((labels >= 0) & (sizes[np.maximum(labels, 0)] >= smallest), labels, -1))
+
+
+def _absorb(nodes: Nodes, graph: Graph, labels: Index, smallest: int) -> Index:
+    """Nodes of parts that are too small go to the neighbouring part that most of their links lead to."""
+    kept = _drop_small(labels, smallest)
+    if kept.max() < 0:
+        return labels
+    for _ in range(6):
+        missing = kept < 0
+        if not missing.any():
+            break
+        i, j = graph.pairs.T
+        one = np.concatenate([i, j])
+        other = np.concatenate([j, i])
+        use = missing[one] & (kept[other] >= 0)
+        if not use.any():
+            break
+        key = one[use] * (kept.max() + 1) + kept[other[use]]
+        values, counts = np.unique(key, return_counts=True)
+        node, label = np.divmod(values, kept.max() + 1)
+        order = np.lexsort((label, -counts, node))
+        first = np.concatenate([[True], np.diff(node[order]) != 0])
+        kept[node[order][first]] = label[order][first]
+    return compact(kept)

@@ -1,0 +1,225 @@
+"""Join neighbouring parts while one primitive explains both."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.points import batchfit
+from brepgaussian.points.batchfit import Noise
+from brepgaussian.points.graph import Graph, Index, compact
+
+Array = NDArray[np.float64]
+KIND_PENALTY = {"plane": 0.0, "cylinder": 0.08, "sphere": 0.08, "cone": 0.14, "torus": 0.2}
+CAP = 8.0  # of one point's cost: two standard deviations in each of four directions
+SAMPLE = 32  # points that stand for a part in a fit
+_NEUTRAL_SHARE, _NEUTRAL_VIEWS = 0.8, 6.0  # prior of the votes of a border: what chance and bad masks give
+_MOST_ROUNDS = 60
+_GOOD_PLANE = 0.5  # of the tolerance; a plane that fits as well needs no curved rival
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """What fits need of the nodes.
+
+    Attributes:
+        xyz, normals: (N, 3); trust: (N,) weight in fits, low near edges where normals are blurred.
+    """
+
+    xyz: Array
+    normals: Array
+    trust: Array
+
+
+@dataclass(frozen=True)
+class Models:
+    """The best primitive of each of C parts: kinds (C,), rows (C, 10), mean cost (C,)."""
+
+    kinds: NDArray[np.str_]
+    rows: Array
+    cost: Array
+
+
+class Sampler:
+    """Points and weights that stand for each part, the same ones whenever it is asked."""
+
+    def __init__(self, nodes: Nodes, seed: int) -> None:
+        self.nodes = nodes
+        self._rank = np.random.default_rng(seed).permutation(len(nodes.xyz))
+
+    def __call__(self, parts: list[Index], size: int = SAMPLE) -> tuple[Array, Array, Array]:
+        """(C, size, 3) points, normals and (C, size) weights, zero where a part has fewer points."""
+        chosen = np.zeros((len(parts), size), np.int64)
+        weights = np.zeros((len(parts), size))
+        for row, part in enumerate(parts):
+            if len(part) > size:
+                part = part[np.argpartition(self._rank[part], size)[:size]]
+            chosen[row, : len(part)] = part
+            weights[row, : len(part)] = self.nodes.trust[part]
+        return self.nodes.xyz[chosen], self.nodes.normals[chosen], weights
+
+
+def parts_of(labels: Index) -> list[Index]:
+    """Node indices of each label 0, 1, ..."""
+    order = np.argsort(labels, kind="stable")
+    order = order[labels[order] >= 0]
+    return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(order) else []
+
+
+def best_models(
+    points: Array, normals: Array, weights: Array, noise: Noise, kinds: tuple[str, ...] = tuple(KIND_PENALTY)
+) -> Models:
+    """The kind of lowest mean cost, simpler kinds preferred, of each of B sets of M points."""
+    count = len(points)
+    chosen = np.full(count, "plane", dtype="<U8")
+    rows = batchfit.fit("plane", points, normals, weights, noise)
+    cost = _mean(batchfit.costs("plane", rows, points, normals, noise, CAP), weights)
+    rank = cost.copy()
+    curved = np.flatnonzero(cost > 2 * KIND_PENALTY["cylinder"])
+    for kind in kinds:
+        if kind == "plane" or not len(curved):
+            continue
+        p, n, w = points[curved], normals[curved], weights[curved]
+        found = batchfit.fit(kind, p, n, w, noise)
+        value = _mean(batchfit.costs(kind, found, p, n, noise, CAP), w)
+        better = value + KIND_PENALTY[kind] < rank[curved]
+        where = curved[better]
+        chosen[where], rows[where], cost[where] = kind, found[better], value[better]
+        rank[where] = value[better] + KIND_PENALTY[kind]
+    return Models(chosen, rows, cost)
+
+
+def _mean(costs: Array, weights: Array) -> Array:
+    return (costs * weights).sum(1) / np.maximum(weights.sum(1), 1e-9)
+
+
+def tolerance(same: Array, both: Array, extra: Array) -> Array:
+    """How much dearer a part may become: less where the images show a border, more where they show none."""
+    share = (same + _NEUTRAL_SHARE * _NEUTRAL_VIEWS) / (both + _NEUTRAL_VIEWS)
+    value = np.interp(share, [0.3, 0.55, 0.8, 0.97], [0.05, 0.25, 0.8, 1.4])
+    return value * np.exp(np.clip(extra, -2.0, 1.0))
+
+
+@dataclass
+class _Pair:
+    same: float
+    both: float
+    extra: float  # mean over the links
+    links: int
+    ratio: float = np.nan
+
+
+class Merger:
+    """Parts, their models and the pairs of neighbours among them."""
+
+    def __init__(self, nodes: Nodes, graph: Graph, labels: Index, noise: Noise, seed: int) -> None:
+        self.noise = noise
+        self.sampler = Sampler(nodes, seed)
+        self.parts: dict[int, Index] = dict(enumerate(parts_of(labels)))
+        self.points: dict[int, tuple[Array, Array, Array]] = {}
+        self.own: dict[int, float] = {}
+        self.pairs: dict[tuple[int, int], _Pair] = {}
+        self._count = len(labels)
+        self._describe(list(self.parts))
+        self._find_pairs(graph, labels)
+
+    def _describe(self, ids: list[int]) -> None:
+        if not ids:
+            return
+        points, normals, weights = self.sampler([self.parts[i] for i in ids])
+        models = best_models(points, normals, weights, self.noise)
+        for row, i in enumerate(ids):
+            self.points[i] = (points[row], normals[row], weights[row])
+            self.own[i] = float(models.cost[row])
+
+    def _find_pairs(self, graph: Graph, labels: Index) -> None:
+        a, b = labels[graph.pairs[:, 0]], labels[graph.pairs[:, 1]]
+        cross = (a != b) & (a >= 0) & (b >= 0)
+        low, high = np.minimum(a, b)[cross], np.maximum(a, b)[cross]
+        keys, inverse = np.unique(low * (labels.max(initial=0) + 1) + high, return_inverse=True)
+        links = np.bincount(inverse)
+        sums = [np.bincount(inverse, values[cross]) for values in (graph.same, graph.both, graph.extra)]
+        for k, key in enumerate(keys.tolist()):
+            pair = divmod(key, int(labels.max(initial=0)) + 1)
+            self.pairs[pair] = _Pair(sums[0][k], sums[1][k], sums[2][k] / links[k], int(links[k]))
+
+    def run(self) -> Index:
+        """Merge until no pair fits within its tolerance; (N,) labels."""
+        for _ in range(_MOST_ROUNDS):
+            self._judge([key for key, pair in self.pairs.items() if np.isnan(pair.ratio)])
+            merges = self._mutual_best()
+            if not merges:
+                break
+            self._merge(merges)
+        labels = np.full(self._count, -1, np.int64)
+        for i, part in self.parts.items():
+            labels[part] = i
+        return compact(labels)
+
+    def _judge(self, keys: list[tuple[int, int]]) -> None:
+        """Cost of one primitive for both parts of each pair, over the tolerance."""
+        if not keys:
+            return
+        one = [np.stack([self.points[a][f] for a, _ in keys]) for f in range(3)]
+        two = [np.stack([self.points[b][f] for _, b in keys]) for f in range(3)]
+        size_a = np.array([len(self.parts[a]) for a, _ in keys], float)[:, None]
+        size_b = np.array([len(self.parts[b]) for _, b in keys], float)[:, None]
+        # square roots: a large part leads without silencing the small one
+        w_a = one[2] * np.sqrt(size_a) / np.maximum(one[2].sum(1, keepdims=True), 1e-9)
+        w_b = two[2] * np.sqrt(size_b) / np.maximum(two[2].sum(1, keepdims=True), 1e-9)
+        points, normals = np.concatenate([one[0], two[0]], 1), np.concatenate([one[1], two[1]], 1)
+        weights = np.concatenate([w_a, w_b], 1)
+        pairs = [self.pairs[k] for k in keys]
+        allowed = tolerance(
+            np.array([p.same for p in pairs]), np.array([p.both for p in pairs]), np.array([p.extra for p in pairs])
+        )
+        own = np.array([[self.own[a], self.own[b]] for a, b in keys])
+        ratio = np.full(len(keys), np.inf)
+        todo = np.arange(len(keys))
+        for kind, penalty in KIND_PENALTY.items():
+            rows = batchfit.fit(kind, points[todo], normals[todo], weights[todo], self.noise)
+            cost = batchfit.costs(kind, rows, points[todo], normals[todo], self.noise, CAP)
+            first = _mean(cost[:, :SAMPLE], w_a[todo]) - own[todo, 0]
+            second = _mean(cost[:, SAMPLE:], w_b[todo]) - own[todo, 1]
+            ratio[todo] = np.minimum(ratio[todo], (np.maximum(first, second) + penalty) / allowed[todo])
+            if kind == "plane":
+                todo = todo[ratio[todo] > _GOOD_PLANE]
+                if not len(todo):
+                    break
+        for pair, value in zip(pairs, ratio.tolist(), strict=True):
+            pair.ratio = value
+
+    def _mutual_best(self) -> list[tuple[int, int]]:
+        best: dict[int, tuple[float, tuple[int, int]]] = {}
+        for key, pair in self.pairs.items():
+            if pair.ratio < 1:
+                for i in key:
+                    if i not in best or (pair.ratio, key) < best[i]:
+                        best[i] = (pair.ratio, key)
+        chosen = {key for _, key in best.values()}
+        return sorted(key for key in chosen if best[key[0]][1] == key and best[key[1]][1] == key)
+
+    def _merge(self, merges: list[tuple[int, int]]) -> None:
+        into = {b: a for a, b in merges}
+        changed = [a for a, _ in merges]
+        for a, b in merges:
+            self.parts[a] = np.sort(np.concatenate([self.parts[a], self.parts.pop(b)]))
+            del self.points[b], self.own[b]
+        touched = set(changed)
+        pairs: dict[tuple[int, int], _Pair] = {}
+        for (a, b), pair in self.pairs.items():
+            a, b = into.get(a, a), into.get(b, b)
+            if a == b:
+                continue
+            key = (min(a, b), max(a, b))
+            if a in touched or b in touched:
+                pair.ratio = np.nan
+            old = pairs.get(key)
+            if old is None:
+                pairs[key] = pair
+            else:
+                links = old.links + pair.links
+                extra = (old.extra * old.links + pair.extra * pair.links) / links
+                pairs[key] = _Pair(old.same + pair.same, old.both + pair.both, extra, links)
+        self.pairs = pairs
+        self._describe(changed)
