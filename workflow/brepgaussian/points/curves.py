@@ -16,6 +16,8 @@ _ON_CURVE = 1e-5  # unit frame; a point this near to both surfaces lies on their
 _BORDER = 2.2  # spacings from a point to the nearest one of the other patch
 _SUPPORT = 2.5  # spacings from a curve to the border points that support it
 _REACH = 3.5  # spacings beyond the last support where a third patch may end the curve
+_SHIFT = 2.0  # spacings from a border point to the curve that it stands for
+_LEAST_SHARP = 0.5  # share of a border that lies by the curve: where it is less, the patches are tangent
 _LEAST_SUPPORT = 4  # border points
 _MOST_STEPS = 4000
 _SHORTEST = 1.5  # spacings
@@ -44,8 +46,9 @@ def find_curves(xyz: Array, labels: Index, surfaces: list[Surface], spacing: flo
     curves: list[Curve] = []
     for (a, b), points in borders.items():
         on, valid = project(points, surfaces[a], surfaces[b])
-        valid &= np.linalg.norm(on - points, axis=1) < 2 * _BORDER * spacing
-        curves += _walk_all(on[valid], (a, b), surfaces, trees, spacing, step)
+        valid &= np.linalg.norm(on - points, axis=1) < _SHIFT * spacing
+        if valid.mean() >= _LEAST_SHARP:
+            curves += _walk_all(on[valid], (a, b), surfaces, trees, spacing, step)
     return curves
 
 

@@ -32,7 +32,8 @@ _DATA_CAP = 6.0  # of a node's cost: beyond it a label is wrong, no matter by ho
 _EDGE_NORMALS = 0.25  # share of the normals' cost that is left at an edge
 _NEAR = 4.0  # spacings from a node to the nearest node of a label that it may take
 _BRIDGE = 6.0  # spacings over which pieces of one surface are tried as one patch
-_LABEL_COST = 14.0  # what a label must save to stay
+_STRAY = 7.0  # cost of a node without a label
+_LABEL_COST = 25.0  # what a label must save to stay
 _SMOOTH, _SMOOTH_FLOOR = 0.9, 0.06  # cost of cutting a pair within a region, and across a border
 
 
@@ -212,27 +213,25 @@ def drop_labels(data: Array, graph: Graph, weights: Array, labels: Index) -> Ind
     """Drop labels, smallest first, that save less than a label costs."""
     sizes = np.bincount(labels, minlength=data.shape[1])
     links = graph.matrix(weights, len(labels))
+    data = np.minimum(data, _STRAY)
     for k in np.argsort(sizes, kind="stable"):
         members = np.flatnonzero(labels == k)
-        if not len(members) or (labels != k).sum() == 0:
+        if not len(members) or (labels[labels >= 0] == k).all():
             continue
         rivals = data[members].copy()
         rivals[:, k] = np.inf
         around = links[members].tocoo()
         other = labels[around.col]
-        outside = other != k
+        outside = (other != k) & (other >= 0)
         pull = np.zeros_like(rivals)
         np.add.at(pull, (around.row[outside], other[outside]), around.data[outside])
-        cut_now = pull.sum()
         choice = (rivals - pull).argmin(1)
         rows = np.arange(len(members))
-        new = rivals[rows, choice]
-        if not np.isfinite(new).all() or (new >= 1e5).any():
-            continue
-        change = new.sum() - data[members, k].sum() - cut_now + (pull.sum(1) - pull[rows, choice]).sum()
+        new, gain = rivals[rows, choice], pull[rows, choice]
+        change = new.sum() - data[members, k].sum() - gain.sum()
         if change < _LABEL_COST:
             labels = labels.copy()
-            labels[members] = choice
+            labels[members] = np.where(new >= _STRAY, -1, choice)
     return labels
 
 

@@ -66,7 +66,8 @@ def make_points(
 
     samples = densify(surfels, settings)
     spacing = spacing_of(samples.xyz)
-    chosen = thin(samples.xyz, settings.nodes)
+    centers = len(surfels.centers)  # one node a surfel: samples of one surfel share its errors
+    chosen = thin(samples.xyz[:centers] if centers >= settings.nodes // 2 else samples.xyz, settings.nodes)
     node_spacing = spacing_of(samples.xyz[chosen])
     log.info("%d surfels, %d points, %d nodes", len(surfels.centers), len(samples), len(chosen))
     xyz, normals = samples.xyz[chosen], samples.normals[chosen]
