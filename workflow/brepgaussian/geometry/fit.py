@@ -8,7 +8,7 @@
 """
 
 from brepgaussian.geometry.fit_choose import Choice, choose, description_length, plausible
-from brepgaussian.geometry.fit_refine import PARAMETERS, distance_jacobian, moved, refine
+from brepgaussian.geometry.fit_refine import PARAMETERS, abreast, distance_jacobian, moved, refine
 from brepgaussian.geometry.fit_robust import fit, fit_robust, inliers, oriented, ransac, residuals
 from brepgaussian.geometry.fit_start import MINIMUM, cone_about, cylinder_about, torus_about
 
@@ -16,6 +16,7 @@ __all__ = [
     "MINIMUM",
     "PARAMETERS",
     "Choice",
+    "abreast",
     "choose",
     "cone_about",
     "cylinder_about",

@@ -17,6 +17,9 @@ Mask = NDArray[np.bool_]
 NORMAL_NOISE = np.radians(4.0)  # of surfels before averaging
 EFFECTIVE = 60  # independent observations in a patch: surfel error is smooth, so 1000 points are not 1000 facts
 KEPT = 0.9  # share of the points that judges a fit: wrong labels must not choose the kind
+# What a kind costs in parameters: its own number, more for the sphere, which mechanical parts seldom have
+# and which imitates any narrow band of a cone.
+PRICE = {**{k: float(v) for k, v in PARAMETERS.items()}, "sphere": 6.5}
 MAX_TORUS_RATIO = 100.0  # radii of a torus; beyond it the data cannot tell it from a cylinder
 _SMALL = 1e-12
 
@@ -71,10 +74,10 @@ def choose(
     """
     rng = np.random.default_rng(0) if rng is None else rng
     found: dict[str, tuple[float, Surface, Mask]] = {}
-    for kind in sorted(kinds, key=lambda k: PARAMETERS[k]):
+    for kind in sorted(kinds, key=lambda k: PRICE[k]):
         if len(points) < max(MINIMUM[kind], PARAMETERS[kind]):
             continue
-        least = PARAMETERS[kind] * np.log(max(min(len(points), effective), 2))  # a perfect fit of this kind
+        least = PRICE[kind] * np.log(max(min(len(points), effective), 2))  # a perfect fit of this kind
         if any(cost <= least for cost, _, _ in found.values()):
             break
         for start in (None, *(s for s in initial if s.kind == kind)):
@@ -89,7 +92,7 @@ def choose(
                 found[kind] = cost, surface, mask
     if not found:
         raise ValueError(f"{len(points)} points determine none of {', '.join(kinds)}")
-    best = min(found, key=lambda k: (found[k][0], PARAMETERS[k]))
+    best = min(found, key=lambda k: (found[k][0], PRICE[k]))
     cost, surface, mask = found[best]
     near = mask if mask.any() else np.ones(len(points), bool)
     rms = float(np.sqrt(np.mean(surface.signed_distance(points[near]) ** 2)))
@@ -107,14 +110,14 @@ def description_length(
     """Bayesian information criterion with noise floors: n log(s^2 / sigma^2) + n log(a^2 / normal_sigma^2) + k log n.
 
     s and a are the root mean squares of the best `KEPT` distances and angles, not below their noise; n is
-    the number of points, at most `effective`; k the number of parameters.
+    the number of points, at most `effective`; k the `PRICE` of the kind.
     """
     distance, turn = residuals(surface, points, normals)
     count = min(len(points), effective)
     far = _spread(distance) / max(sigma, _SMALL)
     turned = _spread(turn) / max(normal_sigma, _SMALL)
     data = 2 * np.log(max(far, 1.0)) + 2 * np.log(max(turned, 1.0))
-    return float(count * data + PARAMETERS[surface.kind] * np.log(max(count, 2)))
+    return float(count * data + PRICE[surface.kind] * np.log(max(count, 2)))
 
 
 def plausible(surface: Surface, points: Array) -> bool:

@@ -1,0 +1,1 @@
+"""Primitives: a regularised analytic surface for every labelled patch."""

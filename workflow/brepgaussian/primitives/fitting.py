@@ -1,0 +1,224 @@
+"""One surface per label, the noise of the points, and labels that hold more than one face."""
+
+import numpy as np
+
+from brepgaussian.errors import StageError
+from brepgaussian.geometry.fit import Choice, choose, inliers, ransac
+from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.log import get_logger
+from brepgaussian.primitives.patches import (
+    Cloud,
+    Indices,
+    Noise,
+    Patch,
+    islands,
+    spreads,
+    thinned,
+    trimmed_rms,
+    without_strays,
+)
+from brepgaussian.settings.primitives import PrimitivesSettings
+
+log = get_logger("primitives")
+
+TURN_FLOOR, TURN_CEILING = np.radians(0.5), np.radians(12.0)  # believable noise of normals
+JUDGED = 40  # points from which a label may speak about the noise
+POOR = 1.5  # noises: a fit beyond it may hold two faces
+KEPT_SUPPORT = 0.88  # of the members: below it a second face may hide in the label
+SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
+SPLIT_COUNT = 20  # points
+MOST_SPLITS = 6  # faces that one label may hold
+FACE_PRICE = 4.0  # parameters that a further face costs beyond those of its surface: its border
+ALIGNED = np.radians(30.0)  # a point's normal may differ that much, at least, from its surface
+
+
+def fit_labels(cloud: Cloud, settings: PrimitivesSettings) -> tuple[list[Patch], Noise]:
+    """Fit every label twice: freely to learn the noise, then with the noise known.
+
+    Raises:
+        StageError: no label has enough points.
+    """
+    labels = [int(v) for v in np.unique(cloud.label) if v >= 0]
+    pieces: dict[int, list[Indices]] = {}
+    for label in labels:
+        members = np.flatnonzero(cloud.label == label)
+        if len(members) >= settings.smallest:
+            pieces[label] = without_strays(cloud, members)
+        else:
+            log.info("label %d: %d points are too few for a primitive", label, len(members))
+    if not pieces:
+        raise StageError("no label has enough points for a primitive", fix="lower primitives.smallest or check points")
+    guess = Noise(settings.sigma_floor, TURN_FLOOR)
+    free = [fit_members((label,), np.concatenate(part), cloud, guess, settings) for label, part in pieces.items()]
+    noise = measure_noise([p for p in free if p is not None], settings)
+    patches: list[Patch] = []
+    for label, part in pieces.items():
+        patches += _fit_label(label, part, cloud, noise, settings)
+    return patches, measure_noise(patches, settings)
+
+
+def fit_members(
+    labels: tuple[int, ...],
+    members: Indices,
+    cloud: Cloud,
+    noise: Noise,
+    settings: PrimitivesSettings,
+    initial: tuple[Surface, ...] = (),
+) -> Patch | None:
+    """The best kind of surface through some points, or None where there is none."""
+    choice = _choice(members, cloud, noise, settings, initial)
+    if choice is None:
+        return None
+    members = np.sort(members)
+    rms, turn = spreads(choice.surface, cloud, members)
+    return Patch(labels, members, choice.surface, rms, turn)
+
+
+def measure_noise(patches: list[Patch], settings: PrimitivesSettings) -> Noise:
+    """Median over the patches, each counted by its points, of distance and angle residuals."""
+    judged = [p for p in patches if len(p.members) >= JUDGED] or patches
+    weight = np.array([len(p.members) for p in judged], float)
+    distance = _weighted_median(np.array([p.rms for p in judged]), weight)
+    turn = _weighted_median(np.array([p.turn for p in judged]), weight)
+    return Noise(
+        float(np.clip(distance, settings.sigma_floor, settings.sigma_ceiling)),
+        float(np.clip(turn, TURN_FLOOR, TURN_CEILING)),
+    )
+
+
+def tolerance(patch: Patch, noise: Noise, settings: PrimitivesSettings) -> float:
+    """Distance within which a point supports the patch's surface."""
+    return settings.inlier_sigmas * max(noise.distance, min(patch.rms, 2 * noise.distance))
+
+
+def support(patch: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> Indices:
+    """Members that lie on the surface, ascending."""
+    near = inliers(
+        patch.surface,
+        cloud.xyz[patch.members],
+        cloud.normals[patch.members],
+        tolerance(patch, noise, settings),
+        max(ALIGNED, 4 * noise.turn),
+    )
+    return patch.members[near]
+
+
+def _fit_label(
+    label: int, pieces: list[Indices], cloud: Cloud, noise: Noise, settings: PrimitivesSettings
+) -> list[Patch]:
+    members = np.concatenate(pieces)
+    whole = fit_members((label,), members, cloud, noise, settings)
+    if whole is None:
+        log.warning("label %d: no surface fits its %d points", label, len(members))
+        return []
+    if not settings.split or not _poor(whole, cloud, noise, settings):
+        return [whole]
+    parts = split(whole, cloud, noise, settings)
+    if len(parts) > 1:
+        log.info("label %d holds %d faces: %s", label, len(parts), ", ".join(p.surface.kind for p in parts))
+    for part in parts:
+        if part.rms > 3 * noise.distance:
+            log.warning(
+                "label %d: best %s leaves rms %.4f (noise %.4f)", label, part.surface.kind, part.rms, noise.distance
+            )
+    return parts
+
+
+def _poor(patch: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> bool:
+    explained = len(support(patch, cloud, noise, settings)) / len(patch.members)
+    return patch.rms > POOR * noise.distance or patch.turn > POOR * noise.turn or explained < KEPT_SUPPORT
+
+
+def split(whole: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> list[Patch]:
+    """The faces in a label, found one after another; the whole where they explain it no better."""
+    rng = np.random.default_rng(settings.seed)
+    rest = whole.members
+    parts: list[Patch] = []
+    enough = max(SPLIT_COUNT, SPLIT_SHARE * len(whole.members))
+    while len(rest) >= enough and len(parts) < MOST_SPLITS:
+        some = thinned(rest, settings.sample)
+        reach, turn = 3 * noise.distance, max(ALIGNED / 2, 2.5 * noise.turn)
+        surface, _ = ransac(cloud.xyz[some], cloud.normals[some], settings.kinds, reach, turn, rng)
+        if surface is None:
+            break
+        near = rest[inliers(surface, cloud.xyz[rest], cloud.normals[rest], reach, turn)]
+        if len(near) < enough:
+            break
+        piece = islands(cloud, near)[0] if not parts else near
+        if len(piece) < enough:
+            break
+        part = fit_members(whole.labels, piece, cloud, noise, settings, (surface,))
+        if part is None:
+            break
+        parts.append(part)
+        rest = np.setdiff1d(rest, piece)
+    if len(parts) < 2:
+        return [whole]
+    parts = _shared_out(parts, whole.members, cloud, noise, settings)
+    if _length([whole], whole.members, cloud, noise) <= _length(parts, whole.members, cloud, noise):
+        return [whole]
+    return parts
+
+
+def _shared_out(
+    parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
+) -> list[Patch]:
+    """Give every point to the face that explains it best, and fit again."""
+    best = _errors(parts, members, cloud, noise)[2]
+    result = []
+    for i, part in enumerate(parts):
+        mine = members[best == i]
+        if len(mine) < SPLIT_COUNT:
+            continue
+        fitted = fit_members(
+            part.labels, np.concatenate(without_strays(cloud, mine)), cloud, noise, settings, (part.surface,)
+        )
+        if fitted is not None:
+            result.append(fitted)
+    return result
+
+
+def _length(parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise) -> float:
+    """Description length of points by several faces (compare `geometry.fit.description_length`)."""
+    distance, turn, _ = _errors(parts, members, cloud, noise)
+    data = 2 * np.log(max(trimmed_rms(distance), 1)) + 2 * np.log(max(trimmed_rms(turn), 1))
+    price = sum(PRICE[p.surface.kind] + FACE_PRICE for p in parts)
+    return float(min(len(members), EFFECTIVE) * data + price * np.log(EFFECTIVE))
+
+
+def _errors(
+    parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(M,) distance and angle in noises to the best face of each point, and (M,) that face."""
+    xyz, normals = cloud.xyz[members], cloud.normals[members]
+    distance = np.array([np.abs(p.surface.signed_distance(xyz)) for p in parts]) / noise.distance
+    cosine = np.array([np.einsum("ij,ij->i", p.surface.normals(xyz), normals) for p in parts])
+    turn = np.arccos(np.clip(cosine, -1, 1)) / noise.turn
+    best = np.argmin(distance**2 + turn**2, axis=0)
+    rows = np.arange(len(members))
+    return distance[best, rows], turn[best, rows], best
+
+
+def _choice(
+    members: Indices, cloud: Cloud, noise: Noise, settings: PrimitivesSettings, initial: tuple[Surface, ...]
+) -> Choice | None:
+    some = thinned(members, settings.sample)
+    try:
+        return choose(
+            cloud.xyz[some],
+            cloud.normals[some],
+            noise.distance,
+            settings.kinds,
+            noise.turn,
+            initial=initial,
+            rng=np.random.default_rng(settings.seed),
+        )
+    except ValueError:
+        return None
+
+
+def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
