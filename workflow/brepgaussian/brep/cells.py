@@ -134,12 +134,10 @@ def sample_triangles(corners: Array, spacing: float) -> tuple[Array, Array, Indi
     double = np.linalg.norm(cross, axis=1)
     counts = np.where(double > 0, np.ceil(0.5 * double / spacing**2), 0).astype(np.int64)
     source = np.repeat(np.arange(len(corners)), counts)
-    order = np.arange(len(source)) - np.repeat(np.cumsum(counts) - counts, counts)
+    order = np.arange(len(source))  # runs on over triangles: strips of thin ones are covered evenly too
     a, b = np.mod(0.5 + 0.7548776662466927 * order, 1), np.mod(0.5 + 0.5698402909980532 * order, 1)
     fold = a + b > 1
     a, b = np.where(fold, 1 - a, a), np.where(fold, 1 - b, b)
-    single = counts[source] == 1
-    a, b = np.where(single, 1 / 3, a), np.where(single, 1 / 3, b)
     c = corners[source]
     points = c[:, 0] + a[:, None] * (c[:, 1] - c[:, 0]) + b[:, None] * (c[:, 2] - c[:, 0])
     normals = cross[source] / double[source, None]

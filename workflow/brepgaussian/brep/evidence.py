@@ -76,7 +76,7 @@ def _votes(arrangement: Arrangement, patch: Patch, chosen: Indices, near: NDArra
     cosine = np.einsum("ij,ij->i", arrangement.sample_normals[at], patch.normals[hit])
     share = arrangement.sample_weight[chosen][near].sum() / len(patch.xyz)
     sure = np.abs(cosine) > _LEAST_COSINE
-    return np.bincount(arrangement.sample_facet[at[sure]], np.sign(cosine[sure]) * share, count)
+    return np.bincount(arrangement.sample_facet[at[sure]], np.sign(cosine[sure]) * share, count).astype(float)
 
 
 def cell_volumes(arrangement: Arrangement, silhouettes: Silhouettes | None) -> tuple[Array, Array]:

@@ -28,8 +28,8 @@ class Silhouettes:
     distance: NDArray[np.float32]
     cameras: Cameras
 
-    def empty(self, points: Array) -> NDArray[np.bool_]:
-        """(N,) whether some camera sees the background at (N, 3) points.
+    def empty(self, points: Array, clear: float = CLEAR_PX) -> NDArray[np.bool_]:
+        """(N,) whether some camera sees the background at (N, 3) points, `clear` pixels from the silhouette.
 
         Places out of a view's frame are unknown to it.
         """
@@ -42,7 +42,7 @@ class Silhouettes:
                 column, row = np.floor(pixels[:, 0]), np.floor(pixels[:, 1])
             ok = (depth > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
             out = np.zeros(len(left), bool)
-            out[ok] = self.distance[view, row[ok].astype(int), column[ok].astype(int)] >= CLEAR_PX
+            out[ok] = self.distance[view, row[ok].astype(int), column[ok].astype(int)] >= clear
             result[left[out]] = True
             left = left[~out]
             if not len(left):

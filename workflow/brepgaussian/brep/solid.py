@@ -84,3 +84,13 @@ def free_edges(shape: Any) -> int:
             continue
         count += len(around) != 2
     return count
+
+
+def shortest_edge(shape: Any) -> float:
+    """Length of the shortest edge (a chord sum over eight pieces)."""
+    lengths = [
+        np.linalg.norm(np.diff(occ.curve_samples(edge, np.inf, 9), axis=0), axis=1).sum()
+        for edge in occ.shapes(shape, TopAbs_EDGE)
+        if not occ.is_degenerate(edge)
+    ]
+    return float(min(lengths, default=0.0))

@@ -1,0 +1,73 @@
+"""One rung of the ladder: sheets, arrangement, minimum cut, solid, gate."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.brep import occ
+from brepgaussian.brep.build_faces import build_face
+from brepgaussian.brep.cells import arrange
+from brepgaussian.brep.evidence import gather
+from brepgaussian.brep.gate import examine
+from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.labelling import Weights, label, one_body
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.polyhedron import polyhedral
+from brepgaussian.brep.sheets import Sheet, make_sheet
+from brepgaussian.brep.silhouettes import Silhouettes
+from brepgaussian.brep.solid import boundary, solid_from_facets
+from brepgaussian.brep.verdict import Verdict
+from brepgaussian.errors import StageError
+
+Array = NDArray[np.float64]
+
+_SMALL_HOLLOW = 1e-3  # share of the volume below which an enclosed hollow is an artefact of the arrangement
+
+
+def attempt(job: Job, rung: Rung) -> Attempt:
+    """Run one rung; what OCC or the gate has against it becomes a fault, not an exception."""
+    try:
+        shape, notes = assemble(job, rung)
+        verdict = examine(shape, job.patches, job.silhouettes, job.settings)
+        data = None if verdict.faults else occ.to_bytes(shape)
+    except (StageError, ValueError, RuntimeError, AssertionError) as error:
+        data, notes, verdict = None, {}, Verdict((str(error) or type(error).__name__,))
+    return Attempt(rung.name, data, verdict, notes=notes)
+
+
+def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
+    """The solid of one rung (TopoDS_Shape) with notes on the arrangement.
+
+    Raises:
+        StageError: there is none.
+    """
+    settings = job.settings
+    sheets = make_sheets(job.patches, rung)
+    arrangement = arrange([build_face(s) for s in sheets], [s.patch for s in sheets], settings.fuzzy)
+    evidence = gather(arrangement, job.patches, job.silhouettes if rung.silhouettes else None)
+    weights = Weights(
+        unsupported=settings.unsupported_weight * rung.unsupported,
+        smooth=settings.smooth_weight,
+        free=settings.free_length,
+        filled=settings.filled_weight,
+    )
+    inside = one_body(arrangement, label(arrangement, evidence, weights), evidence.volume, _SMALL_HOLLOW)
+    facets = [arrangement.facets[i] for i in boundary(arrangement, inside)]
+    notes = {"cells": arrangement.cells, "facets": len(arrangement.facets), "inside": int(np.sum(inside))}
+    return solid_from_facets(facets), notes
+
+
+def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:
+    """The sheets of all patches for one rung."""
+    chosen = set(rung.extend)
+    return [make_sheet(i, patches, rung.margin, i in chosen) for i in range(len(patches))]
+
+
+def fallback(xyz: Array, normals: Array | None, silhouettes: Silhouettes | None, faces: int, job: Job) -> Attempt:
+    """The polyhedral last resort."""
+    data, source = polyhedral(xyz, normals, silhouettes, faces)
+    verdict = examine(occ.from_bytes(data), (), job.silhouettes, job.settings)
+    return Attempt("polyhedron", data, replace(verdict, doubts=()), fallback=True, notes={"source": source})

@@ -1,0 +1,108 @@
+"""Is this solid fit to be published? Validity, and whether it explains the points and the silhouettes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep import occ, solid
+from brepgaussian.brep.cells import SAMPLE_SPACING, sample_triangles
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.silhouettes import Silhouettes
+from brepgaussian.brep.structure import extract
+from brepgaussian.brep.verdict import Verdict
+from brepgaussian.settings.brep import BrepSettings
+
+Array = NDArray[np.float64]
+
+_DEFLECTION, _ANGLE = 5e-4, 0.2  # of the tessellation that is compared: a fifth of a pixel at 400 px
+_SIGMAS = 3.0
+_SPACINGS = 1.5  # no place on a face is farther than this many spacings from a sample
+_IDENTICAL = 1e-6  # distance between two surfaces that are one, unit frame
+_PROBES = 30
+_SHORT_EDGE = 1e-5  # unit frame; shorter edges are debris
+_LEAST_VOLUME = 1e-6
+
+
+def examine(shape: Any, patches: Sequence[Patch], silhouettes: Silhouettes | None, settings: BrepSettings) -> Verdict:
+    """Examine a solid (TopoDS_Shape, unit frame)."""
+    faults = integrity(shape)
+    if faults:
+        return Verdict(faults)
+    surfaces = [p.surface for p in patches]
+    structure = extract(shape, surfaces)
+    occ.tessellate(shape, _DEFLECTION, _ANGLE)
+    nodes, triangles, owner = occ.mesh_of(shape)
+    samples, _, source, weight = sample_triangles(nodes[triangles], SAMPLE_SPACING)
+    same = identical(patches)
+    on = np.array([same[f.surface] if f.surface >= 0 else -1 for f in structure.faces])[owner[source]]
+    explained, bare = _explain(patches, same, samples, weight, on)
+    sizes = np.array([len(p.xyz) for p in patches])
+    iou = silhouettes.iou(nodes[triangles]) if silhouettes is not None else None
+    doubts = [
+        f"patch {patches[i].primitive} is explained to {share:.0%}"
+        for i, share in enumerate(explained)
+        if share < settings.gate_explained
+    ]
+    if iou is not None and iou < settings.gate_iou:
+        doubts.append(f"silhouettes agree to an IoU of {iou:.3f} only")
+    if any(f.surface < 0 for f in structure.faces):
+        doubts.append("a face lies on no primitive")
+    return Verdict(
+        (), tuple(doubts), tuple(float(e) for e in explained), float(explained @ sizes / max(sizes.sum(), 1)), iou,
+        bare, len(structure.faces), len(structure.edges), sum(v.corner for v in structure.vertices),
+        occ.volume(shape), structure,
+    )  # fmt: skip
+
+
+def integrity(shape: Any) -> tuple[str, ...]:
+    """Faults that forbid publishing a solid: not one closed valid solid of positive volume, or debris."""
+    count = len(occ.solids(shape))
+    if count != 1:
+        return (f"{count} solids instead of one",)
+    faults = []
+    if not solid.is_valid(shape):
+        faults.append("BRepCheck finds it invalid")
+    free = solid.free_edges(shape)
+    if free:
+        faults.append(f"{free} edges are not shared by two faces")
+    if occ.volume(shape) < _LEAST_VOLUME:
+        faults.append("no positive volume")
+    if solid.shortest_edge(shape) < _SHORT_EDGE:
+        faults.append("an edge shorter than rounding")
+    return tuple(faults)
+
+
+def identical(patches: Sequence[Patch]) -> list[int]:
+    """For each patch the smallest index of one on the same unbounded surface (orientation apart)."""
+    result: list[int] = []
+    for index, patch in enumerate(patches):
+        step = max(1, len(patch.xyz) // _PROBES)
+        probes = patch.surface.project(patch.xyz[::step])
+        same = (
+            k
+            for k in result
+            if patches[k].surface.kind == patch.surface.kind
+            and np.abs(patches[k].surface.signed_distance(probes)).max() < _IDENTICAL
+        )
+        result.append(next(same, index))
+    return result
+
+
+def _explain(
+    patches: Sequence[Patch], same: list[int], samples: Array, weight: Array, on: NDArray[np.int64]
+) -> tuple[Array, float]:
+    """(P,) explained share of each patch, and the share of the solid's area without points."""
+    explained, seen = np.zeros(len(patches)), np.zeros(len(samples), bool)
+    for index, patch in enumerate(patches):
+        own = np.flatnonzero(on == same[index])
+        if not len(own):
+            continue
+        limit = _SPACINGS * SAMPLE_SPACING + _SIGMAS * patch.sigma
+        distance, _ = cKDTree(samples[own]).query(patch.xyz)
+        explained[index] = np.mean(distance <= limit)
+        near, _ = cKDTree(patch.xyz).query(samples[own])
+        seen[own[near <= patch.reach + patch.sigma]] = True
+    return explained, float(1 - weight[seen].sum() / max(weight.sum(), 1e-300))

@@ -1,0 +1,62 @@
+"""What the ladder asks of the geometry kernel, and what comes back. Imports no OCP."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.silhouettes import Silhouettes
+from brepgaussian.brep.verdict import Verdict
+from brepgaussian.settings.brep import BrepSettings
+
+
+@dataclass(frozen=True)
+class Rung:
+    """How one attempt differs from the others.
+
+    Attributes:
+        name: for the report.
+        margin: of the sheets.
+        extend: indices of patches whose sheets go through the whole box.
+        silhouettes: whether free space seen by the cameras counts.
+        unsupported: factor on the cost of area without points.
+    """
+
+    name: str
+    margin: float
+    extend: tuple[int, ...] = ()
+    silhouettes: bool = True
+    unsupported: float = 1.0
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything that an attempt needs.
+
+    Attributes:
+        patches: primitives with their support; `caps` follow them: faces without points.
+        silhouettes: evidence of the views, None without usable views.
+        settings: of the stage.
+    """
+
+    patches: tuple[Patch, ...]
+    silhouettes: Silhouettes | None
+    settings: BrepSettings
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """The outcome of one rung.
+
+    Attributes:
+        rung: its name.
+        shape: the solid as OCC bytes, None if there is none.
+        verdict: of the gate; its faults say why there is no solid.
+        fallback: whether it is the polyhedral last resort.
+        notes: on the arrangement, for the report.
+    """
+
+    rung: str
+    shape: bytes | None
+    verdict: Verdict
+    fallback: bool = False
+    notes: dict[str, Any] = field(default_factory=dict)

@@ -1,0 +1,146 @@
+"""The ladder: one attempt after another until the gate has no doubts; the last rung always closes."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from brepgaussian.artifacts.points import Points
+from brepgaussian.artifacts.primitives import Primitives
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.patches import make_patches
+from brepgaussian.brep.silhouettes import make_silhouettes
+from brepgaussian.brep.structure import Structure
+from brepgaussian.brep.verdict import Verdict
+from brepgaussian.brep.worker import Worker, WorkerError
+from brepgaussian.errors import BrepGaussianError, StageError
+from brepgaussian.log import get_logger
+from brepgaussian.settings.brep import BrepSettings
+
+_DIGITS = 6  # of figures in the report
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What is published.
+
+    Attributes:
+        shape: the solid as OCC bytes, unit frame.
+        structure: its faces, edges and vertices by surface.
+        report: for `brep.h5`.
+    """
+
+    shape: bytes
+    structure: Structure
+    report: dict[str, Any]
+
+
+def make_job(views: Views, points: Points, primitives: Primitives, settings: BrepSettings) -> Job:
+    """Collect what every attempt needs."""
+    patches = make_patches(primitives.items, points, settings.max_reach)
+    silhouettes = make_silhouettes(views.alpha, views.cameras, settings.gate_views, settings.gate_side)
+    return Job(tuple(patches), silhouettes, settings)
+
+
+def rungs(job: Job) -> list[Rung]:
+    """The attempts in order of preference."""
+    settings = job.settings
+    result = [Rung("support", settings.margin), Rung("wide", settings.wide_margin)]
+    everything = tuple(range(len(job.patches)))
+    if len(everything) <= settings.max_extended:
+        result.append(Rung("extended", settings.wide_margin, everything))
+    result.append(Rung("points_only", settings.margin, silhouettes=False))
+    result.append(Rung("lenient", settings.wide_margin, unsupported=0.25))
+    return result
+
+
+def climb(worker: Worker, job: Job, points: Points, start: float) -> Outcome:
+    """Try the rungs in order.
+
+    The first solid without doubts is published; failing that the best of those with doubts, if it explains
+    enough; failing that the polyhedral fallback.
+
+    Raises:
+        StageError: not even the fallback closes.
+    """
+    log, settings = get_logger("brep"), job.settings
+    tried: list[Attempt] = []
+    for rung in rungs(job) if job.patches else []:
+        if time.monotonic() - start > settings.total_time_s:
+            break
+        try:
+            result = worker.call("assemble:attempt", (job, rung), settings.time_limit_s)
+        except (WorkerError, BrepGaussianError) as error:
+            result = Attempt(rung.name, None, Verdict((str(error),)))
+        tried.append(result)
+        log.info("rung %s: %s", rung.name, "; ".join(result.verdict.faults + result.verdict.doubts) or "accepted")
+        if result.shape is not None and not result.verdict.doubts:
+            break
+    chosen = _choose(tried, settings)
+    if chosen is None:
+        chosen = _fallback(worker, job, points)
+        tried.append(chosen)
+    assert chosen.shape is not None
+    assert chosen.verdict.structure is not None
+    return Outcome(chosen.shape, chosen.verdict.structure, _report(chosen, tried, job))
+
+
+def _choose(tried: list[Attempt], settings: BrepSettings) -> Attempt | None:
+    solids = [t for t in tried if t.shape is not None]
+    clean = [t for t in solids if not t.verdict.doubts]
+    if clean:
+        return clean[0]
+    weak = [
+        t
+        for t in solids
+        if t.verdict.explained_all >= settings.weak_explained
+        and (t.verdict.iou is None or t.verdict.iou >= settings.weak_iou)
+    ]
+    return max(weak, key=lambda t: round(t.verdict.score, _DIGITS)) if weak else None
+
+
+def _fallback(worker: Worker, job: Job, points: Points) -> Attempt:
+    """The polyhedral solid.
+
+    Raises:
+        StageError: it does not close either.
+    """
+    xyz, normals = points.xyz.astype(float), points.normals.astype(float)
+    arguments = (xyz, normals, job.silhouettes, job.settings.polyhedron_faces, job)
+    try:
+        return worker.call("assemble:fallback", arguments, job.settings.time_limit_s)  # type: ignore[no-any-return]
+    except WorkerError as error:
+        try:  # without what may have crashed
+            return worker.call("assemble:fallback", (xyz, None, None, *arguments[3:]), job.settings.time_limit_s)  # type: ignore[no-any-return]
+        except WorkerError:
+            raise StageError(f"no solid could be built from the points ({error})") from error
+
+
+def _report(chosen: Attempt, tried: list[Attempt], job: Job) -> dict[str, Any]:
+    verdict = chosen.verdict
+    return {
+        "rung": chosen.rung,
+        "fallback": chosen.fallback,
+        "doubts": list(verdict.doubts),
+        "explained": {
+            str(p.primitive): round(e, _DIGITS) for p, e in zip(job.patches, verdict.explained, strict=False)
+        },
+        "explained_all": round(verdict.explained_all, _DIGITS),
+        "bare": round(verdict.bare, _DIGITS),
+        "faces": verdict.faces,
+        "edges": verdict.edges,
+        "vertices": verdict.vertices,
+        "volume": round(verdict.volume, 9),
+        "silhouette_px": None,
+        "mask_iou": None if verdict.iou is None else round(verdict.iou, _DIGITS),
+        "accepted": None,
+        "attempts": [
+            {
+                "rung": t.rung,
+                "faults": list(t.verdict.faults),
+                "doubts": list(t.verdict.doubts),
+                "notes": t.notes,
+            }
+            for t in tried
+        ],
+    }
