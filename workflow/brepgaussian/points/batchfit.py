@@ -17,6 +17,7 @@ PARAMETERS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
 MAX_RADIUS = 5.0  # unit frame: five times the object; flatter than that is a plane
 _STEP = 1e-5  # numeric derivatives: lengths in the unit frame, angles in radians
 _SMALL = 1e-9
+_HOPELESS = 40.0  # mean squared residual of a start, in units of the noise, that no refinement mends
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def costs(kind: str, rows: Array, points: Array, normals: Array, noise: Noise, c
     return np.minimum(np.nan_to_num(value, nan=cap, posinf=cap), cap)
 
 
-def fit(kind: str, points: Array, normals: Array, weights: Array, noise: Noise, iterations: int = 5) -> Array:
+def fit(kind: str, points: Array, normals: Array, weights: Array, noise: Noise, iterations: int = 4) -> Array:
     """Fit one kind to B sets.
 
     Args:
@@ -225,10 +226,12 @@ def _tori(points: Array, normals: Array, share: Array) -> list[Array]:
 
 
 def _frame(axis: Array) -> tuple[Array, Array]:
-    helper = np.eye(3)[np.argmin(np.abs(axis), axis=1)]
-    x = np.cross(helper, axis)
-    x /= np.linalg.norm(x, axis=1, keepdims=True) + _SMALL
-    return x, np.cross(axis, x)
+    """Two directions (B, 3) that make a right-handed frame with unit axes (B, 3) (Duff et al., JCGT 2017)."""
+    sign = np.where(axis[:, 2] >= 0, 1.0, -1.0)
+    a = -1.0 / (sign + axis[:, 2])
+    b = axis[:, 0] * axis[:, 1] * a
+    x = np.stack([1 + sign * axis[:, 0] ** 2 * a, sign * b, -sign * axis[:, 0]], 1)
+    return x, np.stack([b, sign + axis[:, 1] ** 2 * a, -axis[:, 1]], 1)
 
 
 def _moved(kind: str, rows: Array, delta: Array) -> Array:
@@ -270,6 +273,12 @@ def _refine(
     root = np.sqrt(share)
     current = _residuals(kind, rows, points, normals, root, noise)
     value = (current**2).sum(1)
+    hopeful = np.flatnonzero(value < _HOPELESS)
+    if len(hopeful) < len(rows):
+        if len(hopeful):
+            some = (rows[hopeful], points[hopeful], normals[hopeful], share[hopeful])
+            rows[hopeful], value[hopeful] = _refine(kind, *some, noise, iterations)
+        return rows, value
     damping = np.full(len(rows), 1e-3)
     count = PARAMETERS[kind]
     for _ in range(iterations):

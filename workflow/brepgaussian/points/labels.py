@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brepgaussian.geometry.surfaces import Surface, surface_from_row
 from brepgaussian.log import get_logger
 from brepgaussian.points import batchfit
 from brepgaussian.points.batchfit import Noise
+from brepgaussian.points.bridges import joined
 from brepgaussian.points.graph import Graph, Index, compact, components
 from brepgaussian.points.merge import KIND_PENALTY, Merger, Models, Nodes, Sampler, best_models, parts_of
 from brepgaussian.points.pearl import alpha_expansion
@@ -28,10 +30,12 @@ _TURN = np.radians(9.0)  # a turn between neighbours that speaks neither for nor
 _BEND = np.cos(np.radians(11.0))  # parts of a superpoint agree this well, so a fillet starts as strips
 _NORMAL_WEIGHT, _SHARE_NEUTRAL, _FULL_VIEWS = 1.5, 0.8, 8.0
 _REFIT_SAMPLE = 160
+_LARGE = 40  # nodes of a part that tells about the noise
 _DATA_CAP = 6.0  # of a node's cost: beyond it a label is wrong, no matter by how much
 _EDGE_NORMALS = 0.25  # share of the normals' cost that is left at an edge
 _NEAR = 4.0  # spacings from a node to the nearest node of a label that it may take
 _BRIDGE = 6.0  # spacings over which pieces of one surface are tried as one patch
+_CLEARANCE = 0.3  # of the noise: primitives of many points lie this well
 _STRAY = 7.0  # cost of a node without a label
 _LABEL_COST = 25.0  # what a label must save to stay
 _SMOOTH, _SMOOTH_FLOOR = 0.9, 0.06  # cost of cutting a pair within a region, and across a border
@@ -60,12 +64,10 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed:
     log.info("superpoints: %d, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
     if labels.max(initial=-1) < 0:
         labels = components(graph.pairs, np.zeros(len(nodes.xyz), np.int64))
-    start = labels
-    for turn in range(2):
-        labels = Merger(nodes, graph, start, noise, seed).run()
-        noise = surface_noise(nodes, labels, noise, seed)
-        log.info("merge %d: %d parts, noise %.4f, %.1f deg", turn, labels.max() + 1, noise.distance,
-                 np.degrees(noise.normal))  # fmt: skip
+    noise = surface_noise(nodes, labels, noise, seed)
+    labels = Merger(nodes, graph, labels, noise, seed).run()
+    noise = surface_noise(nodes, labels, noise, seed)
+    log.info("merged: %d parts, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
     models = Models(np.zeros(0, "<U8"), np.zeros((0, 10)), np.zeros(0))
     for turn in range(3):
         labels = _drop_small(labels, smallest) if _drop_small(labels, smallest).max() >= 0 else labels
@@ -77,8 +79,31 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed:
         if turn < 2:
             labels = Merger(nodes, graph, labels, noise, seed).run()
         log.info("cut %d: %d labels", turn, labels.max() + 1)
+    labels = join_pieces(nodes, graph, labels, noise, spacing, seed)
     models = refit(nodes, labels, noise, seed)
     return Labelling(labels, models, noise)
+
+
+def join_pieces(nodes: Nodes, graph: Graph, labels: Index, noise: Noise, spacing: float, seed: int) -> Index:
+    """One label for the pieces of one surface that are connected more narrowly than the nodes show."""
+    groups = Merger(nodes, _bridged(nodes, graph, labels, spacing), labels, noise, seed).run()
+    surfaces = _surfaces(refit(nodes, labels, noise, seed))
+    shared = _surfaces(refit(nodes, groups, noise, seed))
+    parent = np.arange(labels.max() + 1)
+    for group in range(groups.max() + 1):
+        members = np.unique(labels[(groups == group) & (labels >= 0)])
+        for a in members:
+            for b in members[members > a]:
+                distance = cKDTree(nodes.xyz[labels == a]).query(nodes.xyz[labels == b])[0].min()
+                if parent[a] != parent[b] and distance < _BRIDGE * spacing:
+                    margin = _CLEARANCE * noise.distance
+                    if joined(nodes.xyz, labels, int(a), int(b), shared[group], surfaces, spacing, margin):
+                        parent[parent == parent[b]] = parent[a]
+    return compact(np.where(labels >= 0, parent[np.maximum(labels, 0)], -1))
+
+
+def _surfaces(models: Models) -> list[Surface]:
+    return [surface_from_row(str(kind), row) for kind, row in zip(models.kinds, models.rows, strict=True)]
 
 
 def _bridged(nodes: Nodes, graph: Graph, labels: Index, spacing: float) -> Graph:
@@ -122,7 +147,7 @@ def pair_noise(nodes: Nodes, graph: Graph) -> Noise:
 
 def surface_noise(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Noise:
     """Noise from the residuals of the larger parts against their primitives."""
-    parts = [p for p in parts_of(labels) if len(p) >= 60]
+    parts = [p for p in parts_of(labels) if len(p) >= _LARGE]
     if not parts:
         return noise
     points, normals, weights = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
@@ -183,7 +208,7 @@ def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise,
 
 
 def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacing: float) -> Array:
-    """(N, L) cost of each label for each node, capped; far from a label's nodes it is prohibitive.
+    """(N, L) cost of each label for each node, capped; beyond a label's neighbours it is prohibitive.
 
     Near edges the normals are blurred, so there the distance decides.
     """
@@ -193,7 +218,9 @@ def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacin
         members = nodes.xyz[labels == k]
         if not len(members):
             continue
-        near = np.flatnonzero(cKDTree(members).query(nodes.xyz, distance_upper_bound=_NEAR * spacing)[0] < np.inf)
+        close = cKDTree(members).query(nodes.xyz, distance_upper_bound=_NEAR * spacing)[0] < np.inf
+        around = np.bincount(labels[close & (labels >= 0)], minlength=len(models.kinds)) > 0
+        near = np.flatnonzero(close | (around[labels] & (labels >= 0)))
         distance, normal = batchfit.evaluate(str(kind), row[None], nodes.xyz[near][None])
         turn = ((normal[0] - nodes.normals[near]) ** 2).sum(1) / noise.normal**2
         value = 0.5 * ((distance[0] / noise.distance) ** 2 + believe[near] * turn)

@@ -14,8 +14,10 @@ KIND_PENALTY = {"plane": 0.0, "cylinder": 0.08, "sphere": 0.08, "cone": 0.14, "t
 CAP = 8.0  # of one point's cost: two standard deviations in each of four directions
 SAMPLE = 32  # points that stand for a part in a fit
 _NEUTRAL_SHARE, _NEUTRAL_VIEWS = 0.8, 6.0  # prior of the votes of a border: what chance and bad masks give
+_CORRELATED = 0.3  # rise in cost that chance gives a large part: errors of the nodes are correlated
+_SINGLE = 4.0  # and one node
 _MOST_ROUNDS = 60
-_GOOD_PLANE = 0.5  # of the tolerance; a plane that fits as well needs no curved rival
+_GOOD = 0.5  # of the tolerance; a primitive that fits as well needs no rival
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,11 @@ def tolerance(same: Array, both: Array, extra: Array) -> Array:
     return value * np.exp(np.clip(extra, -2.0, 1.0))
 
 
+def certainty(size: Array) -> Array:
+    """Factor on a part's rise in cost: the mean over many nodes is known better, yet their errors are correlated."""
+    return 1 / (_CORRELATED + _SINGLE / np.sqrt(np.maximum(size, 1)))
+
+
 @dataclass
 class _Pair:
     same: float
@@ -173,6 +180,7 @@ class Merger:
         allowed = tolerance(
             np.array([p.same for p in pairs]), np.array([p.both for p in pairs]), np.array([p.extra for p in pairs])
         )
+        surer_a, surer_b = certainty(size_a[:, 0]), certainty(size_b[:, 0])
         own = np.array([[self.own[a], self.own[b]] for a, b in keys])
         ratio = np.full(len(keys), np.inf)
         todo = np.arange(len(keys))
@@ -181,11 +189,11 @@ class Merger:
             cost = batchfit.costs(kind, rows, points[todo], normals[todo], self.noise, CAP)
             first = _mean(cost[:, :SAMPLE], w_a[todo]) - own[todo, 0]
             second = _mean(cost[:, SAMPLE:], w_b[todo]) - own[todo, 1]
-            ratio[todo] = np.minimum(ratio[todo], (np.maximum(first, second) + penalty) / allowed[todo])
-            if kind == "plane":
-                todo = todo[ratio[todo] > _GOOD_PLANE]
-                if not len(todo):
-                    break
+            worse = np.maximum((first + penalty) * surer_a[todo], (second + penalty) * surer_b[todo])
+            ratio[todo] = np.minimum(ratio[todo], worse / allowed[todo])
+            todo = todo[ratio[todo] > _GOOD]
+            if not len(todo):
+                break
         for pair, value in zip(pairs, ratio.tolist(), strict=True):
             pair.ratio = value
 
