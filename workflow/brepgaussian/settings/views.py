@@ -22,10 +22,13 @@ class ViewsSettings:
         4.0, "Distance of rendering cameras from the world's origin, as in ABC-NEF.", unit="unit frame", minimum=1.5
     )
     subsamples: int = setting(
-        4, "Rays per pixel and axis where a pixel holds an edge or a silhouette (4: 16 rays).", minimum=1, maximum=8
+        6, "Rays per pixel and axis where a pixel holds an edge or a silhouette (6: 36 rays).", minimum=1, maximum=16
     )
     interreflection: float = setting(
-        0.0, "Strength of one bounce of light between faces in renderings; 0 is none.", minimum=0, maximum=1
+        0.8,
+        "Albedo with which faces light each other in renderings (0.8 as in the ABC-NEF images); 0 is none.",
+        minimum=0,
+        maximum=0.95,
     )
     noise: float = setting(
         0.0, "Standard deviation of Gaussian noise added to rendered colours.", unit="grey level", minimum=0, maximum=64

@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from brepgaussian.geometry.surfaces import Surface
 
@@ -52,7 +55,7 @@ class FaceMesh:
         points = np.einsum("nk,nkd->nd", weights, corners)
         normals = np.einsum("nk,nkd->nd", weights, self.corner_normals[triangles])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        faces = self.triangle_face[triangles]
+        faces = self.triangle_face[triangles].astype(np.int16)  # numpy sorts 16 bits by radix, ten times faster
         order = np.argsort(faces, kind="stable")
         starts = np.searchsorted(faces[order], np.arange(len(self.surfaces) + 1))
         for face, surface in enumerate(self.surfaces):
@@ -111,19 +114,17 @@ def mesh_solid(solid: Any, deflection: float, angle_deg: float) -> FaceMesh:
 
 
 def weld(vertices: Array, tolerance: float = 1e-7) -> tuple[Array, NDArray[np.int64]]:
-    """Merge vertices that fall into one cell of a grid: unique (K, 3) vertices and the index of each old one.
+    """Merge vertices closer than `tolerance`: the kept (K, 3) vertices and the index of each old one.
 
     The kernel gives the two sides of an edge the same nodes up to its own tolerance of 1e-7.
     """
-    from scipy.spatial import cKDTree
 
-    tree = cKDTree(vertices)
-    index = np.arange(len(vertices))
-    for a, b in sorted(tree.query_pairs(tolerance)):
-        index[b] = min(index[b], index[a])
-    index = index[index]
-    kept, inverse = np.unique(index, return_inverse=True)
-    return vertices[kept], inverse
+    pairs = cKDTree(vertices).query_pairs(tolerance, output_type="ndarray")
+    size = len(vertices)
+    links = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size))
+    _, label = connected_components(links, directed=False)
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    return vertices[first], inverse
 
 
 def _triangulation(face: Any) -> tuple[Array, NDArray[np.int64], Array]:
@@ -139,7 +140,9 @@ def _triangulation(face: Any) -> tuple[Array, NDArray[np.int64], Array]:
     move = location.Transformation()
     nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
     points = np.array([[p.X(), p.Y(), p.Z()] for p in nodes])
-    triangles = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], np.int64).reshape(-1, 3) - 1
+    triangles = (
+        np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], np.int64).reshape(-1, 3) - 1
+    )
     if face.Orientation() == TopAbs_REVERSED:
         triangles = triangles[:, ::-1]
     surface = face_surface(face)
