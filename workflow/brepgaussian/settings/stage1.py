@@ -10,3 +10,31 @@ class Stage1Settings:
     """Hull initialisation and 2D Gaussian Splatting with the edge scalar."""
 
     seed: int = setting(0, "Seed of every random choice in this stage.", minimum=0)
+    recipe: str = setting(
+        "fast",
+        "fast: surfels start on the visual hull. paper: the paper's losses and schedule from random points.",
+        choices=("fast", "paper"),
+    )
+    device: str = setting("auto", "Where to render; never silently replaced.", choices=("auto", "cpu", "cuda"))
+    image_size: int = setting(400, "Longer side of the training images.", unit="px", minimum=50, maximum=1600)
+    iterations: int = setting(400, "Training steps of the fast recipe, one view each.", minimum=1)
+    paper_iterations: int = setting(30000, "Training steps of the paper recipe.", minimum=1)
+    surfels: int = setting(8000, "Surfels that the hull is covered with.", minimum=100, maximum=200000)
+    hull_resolution: int = setting(160, "Voxels along each side of the hull's grid.", minimum=16, maximum=400)
+    edge_loss: bool = setting(True, "Train the edge value e of each surfel (paper, L_edge).")
+    edge_weight: float = setting(0.1, "Weight of L_edge (paper: 0.1).", minimum=0.0)
+    dssim_weight: float = setting(0.2, "Share of D-SSIM in L_geo, lambda (3DGS: 0.2).", minimum=0.0, maximum=1.0)
+    alpha_weight: float = setting(0.5, "Weight of the silhouette loss.", minimum=0.0)
+    normal_weight: float = setting(0.1, "Weight of normal consistency (2DGS: 0.05).", minimum=0.0)
+    distortion_weight: float = setting(10.0, "Weight of depth distortion, unit-frame lengths squared.", minimum=0.0)
+    densification: bool = setting(True, "Split and prune surfels during training.")
+    single_stage: bool = setting(False, "Ablation: train the patch features together with the geometry.")
+    low_pass_px: float = setting(
+        0.3, "Standard deviation of the screen-space filter (2DGS: 0.71); 0 = none.", unit="px", minimum=0.0
+    )
+    position_rate: float = setting(0.0004, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
+    rotation_rate: float = setting(0.01, "Adam's rate for quaternions.", minimum=0.0)
+    scale_rate: float = setting(0.01, "Adam's rate for log scales.", minimum=0.0)
+    opacity_rate: float = setting(0.03, "Adam's rate for opacity logits.", minimum=0.0)
+    color_rate: float = setting(0.01, "Adam's rate for colours and edge values.", minimum=0.0)
+    final_rate: float = setting(0.1, "Rates at the end as a share of those at the start.", minimum=0.0, maximum=1.0)

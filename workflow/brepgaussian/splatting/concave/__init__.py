@@ -1,0 +1,12 @@
+"""Concavities that silhouettes cannot show: pockets, blind holes, counterbores, holes of any depth.
+
+A visual hull closes a pocket with a lid. Radiance is fixed on the surface, so a flat lid has one grey in
+every view; where views disagree with it, there is no lid. The rays through such an opening then tell its
+depth: a ray that leaves the opening's outline sideways before it reaches the floor shows a wall, the others
+show the floor. See `docs/splatting.md`.
+"""
+
+from brepgaussian.splatting.concave.find import find_prisms
+from brepgaussian.splatting.concave.prism import Prism
+
+__all__ = ["Prism", "find_prisms"]

@@ -1,0 +1,129 @@
+"""Where views disagree with a lid: openings in a plane of the hull."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.scene import Scene
+
+Array = NDArray[np.float64]
+
+LID, WALL, BACKGROUND, UNSEEN = 0, 1, 2, 3  # what a view shows at a cell of the lattice
+_LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
+_LEAST_VIEWS = 6  # of a cell, before its disagreement counts
+_REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
+_OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
+_BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
+_SURFACE_SHARE = 0.8  # of a cell's views show the lid's grey, if the cell is on a face
+_FRAME_CELLS = 3  # width of the frame of face around an opening
+_FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
+_OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
+
+
+@dataclass(frozen=True)
+class Stack:
+    """What every view shows on a lattice.
+
+    Attributes:
+        lattice: on the plane.
+        domain: (R, C) bool cells inside the plane's outer border and not inside the solid.
+        shown: (V, R, C) uint8 one of LID, WALL, BACKGROUND, UNSEEN.
+        grey: the lid's grey level.
+    """
+
+    lattice: Lattice
+    domain: NDArray[np.bool_]
+    shown: NDArray[np.uint8]
+    grey: float
+
+
+def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice: Lattice, tolerance: float) -> Stack:
+    """Look at a plane through all views.
+
+    Args:
+        views: images and cameras.
+        luminance: (V, H, W) grey levels.
+        scene: the hull.
+        lattice: cells on the plane.
+        tolerance: grey levels that the lid may differ by.
+    """
+    cells = lattice.centers().reshape(-1, 3)
+    slack = 2.5 * lattice.pitch
+    distance = scene.signed_distance(cells)
+    on_hull = (np.abs(distance) < slack).reshape(lattice.shape)
+    domain = ndimage.binary_fill_holes(on_hull) & (distance > -slack).reshape(lattice.shape)
+    grey = np.full((len(views.cameras), len(cells)), np.nan, np.float32)  # -1 = background
+    for view, center in enumerate(views.cameras.centers):
+        seen = np.flatnonzero(_visible(scene, cells, center, lattice, domain.ravel()))
+        if len(seen):
+            grey[view, seen] = _sample(views, luminance, view, cells[seen])
+    level = _mode(grey[grey >= 0])
+    shown = np.where(np.abs(grey - level) <= tolerance, LID, WALL).astype(np.uint8)
+    shown[grey < 0] = BACKGROUND
+    shown[np.isnan(grey)] = UNSEEN
+    return Stack(lattice, domain, shown.reshape(-1, *lattice.shape), level)
+
+
+def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
+    """(R, C) outlines of the regions where the lid is refuted."""
+    seen = (stack.shown != UNSEEN).sum(axis=0)
+    against = ((stack.shown == WALL) | (stack.shown == BACKGROUND)).sum(axis=0)
+    share = np.where(seen >= _LEAST_VIEWS, against / np.maximum(seen, 1), 0)
+    inner = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
+    region = ndimage.binary_closing((share > _REFUTED_SHARE) & inner, iterations=2)
+    region = ndimage.binary_fill_holes(region) & stack.domain
+    region = ndimage.binary_opening(region, iterations=_OPENING_CELLS)
+    labels, count = ndimage.label(region)
+    outlines = [labels == k for k in range(1, count + 1)]
+    return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
+
+
+def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
+    """Whether a true face surrounds an opening: cells all around it that look the same in all views.
+
+    A hull also has planar regions where no surface is; there every view shows something else, and what
+    seems to be an opening has no frame.
+    """
+    gap = int(_BORDER_CELLS)
+    frame = ndimage.binary_dilation(outline, iterations=gap + _FRAME_CELLS)
+    frame &= ~ndimage.binary_dilation(outline, iterations=gap)
+    shown = stack.shown[:, frame]  # (V, F)
+    lid, seen = (shown == LID).sum(axis=0), (shown != UNSEEN).sum(axis=0)
+    same = stack.domain[frame] & (seen > 0) & (lid >= _SURFACE_SHARE * seen)
+    return bool(frame.any()) and float(same.mean()) >= _FRAME_SHARE
+
+
+def _visible(
+    scene: Scene, cells: Array, center: Array, lattice: Lattice, domain: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """(N,) whether the camera sees the cells from above, past the rest of the hull."""
+    to_camera = center - cells
+    length = np.linalg.norm(to_camera, axis=1)
+    visible = domain & (to_camera @ lattice.normal > _LEAST_COSINE * length)
+    index = np.flatnonzero(visible)
+    start = cells[index] + 3 * lattice.pitch * lattice.normal  # off the hull's own roughness
+    visible[index] = ~scene.occluded(start, to_camera[index] / length[index, None])
+    return visible
+
+
+def _sample(views: Views, luminance: NDArray[np.float32], view: int, points: Array) -> NDArray[np.float32]:
+    """(N,) grey level, -1 on background, NaN on the silhouette's border."""
+    pixels, _ = views.cameras.project(view, points)
+    at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
+    alpha = ndimage.map_coordinates(views.alpha[view], at, order=1, output=np.float32)
+    grey = ndimage.map_coordinates(luminance[view], at, order=1, output=np.float32)
+    return np.where(alpha > _OPAQUE, grey, np.where(alpha < _CLEAR, -1, np.nan)).astype(np.float32)
+
+
+def _mode(greys: NDArray[np.float32]) -> float:
+    """The most frequent grey level (three levels wide), as the lid's own grey."""
+    if not len(greys):
+        return 0.0
+    count = np.bincount(np.round(greys).astype(int), minlength=256).astype(float)
+    peak = int(np.convolve(count, np.ones(3), "same").argmax())
+    near = slice(max(peak - 1, 0), peak + 2)
+    return float(np.average(np.arange(256)[near], weights=count[near]))

@@ -1,0 +1,135 @@
+"""Planar regions of a hull's mesh, largest first: where lids can lie."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.splatting.concave.prism import Lattice
+
+Array = NDArray[np.float64]
+
+_MAXIMUM_PLANES = 40  # more planar faces than this are left to the surfels
+_DIRECTION_BINS = 12  # a bin of normals is about 5 degrees wide
+_SAME_DIRECTION = 0.97  # cosine of 14 degrees: marching-cubes normals scatter
+_MINIMUM_AREA = 0.002  # smaller lids hide nothing that a few pixels could show
+_REFITS = 3
+_MAXIMUM_TURN = 0.25  # rad: a strip of a cylinder turns more from one side to the other, a lid does not
+
+
+@dataclass(frozen=True)
+class PlanarRegion:
+    """A plane `normal . x = offset` and the triangles that lie on it."""
+
+    normal: Array
+    offset: float
+    triangles: NDArray[np.int64]
+
+    def lattice(self, vertices: Array, triangles: NDArray[np.int64], pitch: float) -> Lattice:
+        """A lattice over the bounding rectangle of the region."""
+        helper = np.eye(3)[int(np.argmin(np.abs(self.normal)))]
+        first = np.cross(helper, self.normal)
+        first /= np.linalg.norm(first)
+        second = np.cross(self.normal, first)
+        points = vertices[triangles[self.triangles]].reshape(-1, 3)
+        flat = np.column_stack([points @ first, points @ second])
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        rows, columns = np.ceil((high - low) / pitch).astype(int)
+        origin = low[0] * first + low[1] * second + self.offset * self.normal
+        return Lattice(origin, first, second, self.normal, pitch, (int(rows), int(columns)))
+
+
+def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: float) -> list[PlanarRegion]:
+    """Find planes on which much of a mesh lies.
+
+    Args:
+        vertices: (K, 3); triangles: (T, 3), counter-clockwise from outside.
+        tolerance: distance within which a triangle lies on a plane (the hull's cell).
+    """
+    corners = vertices[triangles]  # (T, 3, 3)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(cross, axis=1) / 2
+    normals = cross / np.maximum(2 * areas, 1e-15)[:, None]
+    centers = corners.mean(axis=1)
+    free = areas > 0
+    found: list[PlanarRegion] = []
+    while len(found) < _MAXIMUM_PLANES:
+        seed = _dominant(normals, areas, centers, free, tolerance)
+        if seed is None:
+            break
+        normal, members = seed
+        normal, offset, members = _refit(normal, members, normals, areas, centers, free, tolerance)
+        large = len(members) > 0 and areas[members].sum() >= _MINIMUM_AREA
+        if large and not _curved(normal, normals[members], centers[members], areas[members]):
+            found.append(PlanarRegion(normal, offset, members))
+        free[members] = False
+        free[seed[1]] = False
+    return found
+
+
+def _dominant(
+    normals: Array, areas: Array, centers: Array, free: NDArray[np.bool_], tolerance: float
+) -> tuple[Array, NDArray[np.int64]] | None:
+    """The direction and offset that hold most free area."""
+    index = np.flatnonzero(free)
+    if not len(index):
+        return None
+    keys = np.round(normals[index] * _DIRECTION_BINS).astype(int)
+    _, inverse = np.unique(keys, axis=0, return_inverse=True)
+    inverse = inverse.ravel()
+    weight = np.bincount(inverse, areas[index])
+    best = int(weight.argmax())
+    if weight[best] < _MINIMUM_AREA / 4:
+        return None
+    in_bin = index[inverse == best]
+    normal = np.average(normals[in_bin], axis=0, weights=areas[in_bin])
+    normal /= np.linalg.norm(normal)
+    alike = index[normals[index] @ normal > _SAME_DIRECTION]
+    cells = np.floor(centers[alike] @ normal / tolerance).astype(int)
+    cells -= cells.min()
+    area = np.bincount(cells, areas[alike])
+    pair = area + np.append(area[1:], 0)  # two neighbouring cells, as a plane may lie on their border
+    peak = int(pair.argmax())
+    members = alike[(cells == peak) | (cells == peak + 1)]
+    return normal, np.union1d(members, in_bin if areas[members].sum() < _MINIMUM_AREA else members)
+
+
+def _refit(
+    normal: Array,
+    members: NDArray[np.int64],
+    normals: Array,
+    areas: Array,
+    centers: Array,
+    free: NDArray[np.bool_],
+    tolerance: float,
+) -> tuple[Array, float, NDArray[np.int64]]:
+    offset = 0.0
+    for _ in range(_REFITS):
+        if len(members) < 3:
+            break
+        weights = areas[members]
+        mean = np.average(centers[members], axis=0, weights=weights)
+        spread = (centers[members] - mean) * np.sqrt(weights)[:, None]
+        smallest = np.linalg.svd(spread, full_matrices=False)[2][2]
+        normal = smallest * np.sign(smallest @ normal)
+        offset = float(mean @ normal)
+        near = np.abs(centers @ normal - offset) < tolerance
+        members = np.flatnonzero(free & near & (normals @ normal > _SAME_DIRECTION))
+    return normal, offset, members
+
+
+def _curved(normal: Array, normals: Array, centers: Array, areas: Array) -> bool:
+    """Whether the normals turn steadily along the region, as on a cylinder."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = np.cross(helper, normal)
+    first /= np.linalg.norm(first)
+    axes = np.column_stack([first, np.cross(normal, first)])
+    weights = areas / areas.sum()
+    where = centers @ axes - weights @ (centers @ axes)  # (N, 2)
+    turn = normals @ axes - weights @ (normals @ axes)
+    moment = where.T @ (weights[:, None] * where) + 1e-12 * np.eye(2)
+    shape = np.linalg.solve(moment, where.T @ (weights[:, None] * turn))  # (2, 2) change of normal per length
+    extent = np.sqrt(12 * np.linalg.eigvalsh(moment))  # side of a rectangle of this spread
+    bend, directions = np.linalg.eigh((shape + shape.T) / 2)
+    across = np.sqrt(12 * np.einsum("ij,ik,kj->j", directions, moment, directions))
+    return bool((np.abs(bend) * np.minimum(across, extent.max())).max() > _MAXIMUM_TURN)

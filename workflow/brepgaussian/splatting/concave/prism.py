@@ -1,0 +1,93 @@
+"""A prismatic concavity: a planar outline, pushed into the solid to a flat floor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A square lattice on a plane.
+
+    Attributes:
+        origin: (3,) position of the corner of cell (0, 0).
+        first, second: (3,) unit axes of rows and columns; `normal`: (3,) unit, out of the solid.
+        pitch: side of a cell.
+        shape: numbers of cells along `first` and `second`.
+    """
+
+    origin: Array
+    first: Array
+    second: Array
+    normal: Array
+    pitch: float
+    shape: tuple[int, int]
+
+    def centers(self) -> Array:
+        """(R, C, 3) centres of the cells."""
+        rows = (np.arange(self.shape[0]) + 0.5) * self.pitch
+        columns = (np.arange(self.shape[1]) + 0.5) * self.pitch
+        return self.origin + rows[:, None, None] * self.first + columns[None, :, None] * self.second
+
+    def coordinates(self, points: Array) -> tuple[Array, Array]:
+        """(N, 2) fractional cell indices (a cell's centre has integer ones) and (N,) heights along the normal."""
+        offset = points - self.origin
+        cells = np.column_stack([offset @ self.first, offset @ self.second]) / self.pitch - 0.5
+        return cells, offset @ self.normal
+
+
+@dataclass(frozen=True)
+class Prism:
+    """One concavity.
+
+    Attributes:
+        lattice: on the plane of the opening.
+        outline: (R, C) bool cells of the opening.
+        depth: from the opening to the floor.
+        through: whether background shows through it.
+        error: balanced share of rays that contradict the depth, 0..0.5.
+    """
+
+    lattice: Lattice
+    outline: NDArray[np.bool_]
+    depth: float
+    through: bool
+    error: float
+
+    @property
+    def area(self) -> float:
+        """Area of the opening."""
+        return float(self.outline.sum()) * self.lattice.pitch**2
+
+    def signed_distance(self, points: Array, margin: float) -> Array:
+        """(N,) about the distance to the concavity's walls and floor, negative within it.
+
+        Args:
+            points: (N, 3) positions.
+            margin: how far it reaches above its opening (and below its end, if it goes through).
+        """
+        cells, height = self.lattice.coordinates(points)
+        lateral = ndimage.map_coordinates(self._lateral(), cells.T, order=1, mode="nearest")
+        beyond = _beyond(cells, self.lattice.shape) * self.lattice.pitch
+        bottom = self.depth + (margin if self.through else 0.0)
+        vertical = np.maximum(height - margin, -height - bottom)
+        return np.maximum(lateral + beyond, vertical)
+
+    def _lateral(self) -> Array:
+        """(R, C) signed distance to the outline, negative inside."""
+        padded = np.pad(self.outline, 1)
+        inside, outside = ndimage.distance_transform_edt(padded), ndimage.distance_transform_edt(~padded)
+        # half a cell on either side puts zero on the border between two cells
+        distance = np.where(padded, 0.5 - inside, outside - 0.5)[1:-1, 1:-1]
+        return distance * self.lattice.pitch
+
+
+def _beyond(cells: Array, shape: tuple[int, int]) -> Array:
+    """(N,) distance of fractional cells from the lattice's rectangle, in cells."""
+    low = np.maximum(-cells, 0)
+    high = np.maximum(cells - (np.array(shape) - 1), 0)
+    return np.linalg.norm(low + high, axis=1)

@@ -1,0 +1,29 @@
+"""Ray casting against a hull's mesh."""
+
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+
+
+class Scene:
+    """A triangle mesh to cast rays against."""
+
+    def __init__(self, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> None:
+        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))
+
+    def signed_distance(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N,) distances of (N, 3) points, negative inside."""
+        return self._scene.compute_signed_distance(_tensor(points, np.float32)).numpy()
+
+    def occluded(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) whether rays from (N, 3) origins along (N, 3) unit directions hit anything."""
+        if not len(origins):
+            return np.zeros(0, bool)
+        return self._scene.test_occlusions(_tensor(np.column_stack([origins, directions]), np.float32)).numpy()
+
+
+def _tensor(array: NDArray[Any], dtype: type) -> Any:
+    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(array, dtype))

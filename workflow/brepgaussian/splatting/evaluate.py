@@ -1,0 +1,99 @@
+"""How good surfels are: distance to the true surface, normals, completeness, concave faces."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.stage1 import Surfels
+from brepgaussian.artifacts.truth import Truth
+
+MIN_OPACITY = 0.05  # fainter surfels are no surface
+CONCAVE_RECALL = 0.01  # a concave sample is found when a surfel lies this near, unit frame
+
+
+@dataclass(frozen=True)
+class SurfelQuality:
+    """Distances in the unit frame, angles in degrees.
+
+    Attributes:
+        mean, p95: distance from surfel centres to the true surface.
+        normal_median_deg: angle between a surfel's normal and the surface's nearest to it.
+        completeness_p95: distance from true surface samples to the nearest surfel (less its own extent).
+        concave_mean, concave_recall: the same distance's mean over faces that the convex hull does not touch,
+            and the share of their samples within `CONCAVE_RECALL`; None where there are none.
+        surfels: how many there are.
+    """
+
+    mean: float
+    p95: float
+    normal_median_deg: float
+    completeness_p95: float
+    concave_mean: float | None
+    concave_recall: float | None
+    surfels: int
+
+
+def evaluate_surfels(surfels: Surfels, truth: Truth) -> SurfelQuality:
+    """Score surfels against the truth."""
+    from scipy.spatial import cKDTree
+
+    solid = surfels.opacities > MIN_OPACITY
+    centers, normals = surfels.centers[solid].astype(np.float64), surfels.normals[solid]
+    distance, surface = closest(truth, centers)
+    cosine = np.einsum("nc,nc->n", normals, surface)
+    gaps = _gaps(surfels, solid, truth.points)
+    concave = concave_samples(truth)
+    found = cKDTree(centers).query(truth.points[concave])[0] if concave.any() else np.zeros(0)
+    return SurfelQuality(
+        mean=float(distance.mean()),
+        p95=float(np.quantile(distance, 0.95)),
+        normal_median_deg=float(np.median(np.degrees(np.arccos(np.clip(cosine, 0, 1))))),
+        completeness_p95=float(np.quantile(gaps, 0.95)),
+        concave_mean=float(gaps[concave].mean()) if concave.any() else None,
+        concave_recall=float((found < CONCAVE_RECALL).mean()) if concave.any() else None,
+        surfels=int(solid.sum()),
+    )
+
+
+def closest(truth: Truth, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance of (N, 3) points to the true mesh, and its unit normals (N, 3) at the nearest places."""
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor.from_numpy(truth.mesh_vertices.astype(np.float32)),
+        o3d.core.Tensor.from_numpy(truth.mesh_triangles.astype(np.uint32)),
+    )
+    found = scene.compute_closest_points(o3d.core.Tensor.from_numpy(points.astype(np.float32)))
+    distance = np.linalg.norm(found["points"].numpy() - points, axis=1)
+    return distance, found["primitive_normals"].numpy()
+
+
+def _gaps(surfels: Surfels, solid: NDArray[np.bool_], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance from (M, 3) points to the nearest disk of one standard deviation."""
+    from scipy.spatial import cKDTree
+
+    axes, scales = surfels.axes[solid], surfels.scales[solid]
+    centers = surfels.centers[solid].astype(np.float64)
+    _, near = cKDTree(centers).query(points, k=min(8, len(centers)))
+    near = near.reshape(len(points), -1)
+    offset = points[:, None] - centers[near]  # (M, K, 3)
+    local = np.einsum("mkc,mkcd->mkd", offset, axes[near])  # along t_u, t_v, n
+    outside = np.maximum(np.abs(local[..., :2]) - scales[near], 0)
+    return np.sqrt((outside**2).sum(-1) + local[..., 2] ** 2).min(1)
+
+
+def concave_samples(truth: Truth, depth: float = 0.01) -> NDArray[np.bool_]:
+    """Samples of faces that lie wholly inside the convex hull: (M,) bool.
+
+    A face counts as concave when its median sample is more than `depth` inside of the hull; silhouettes
+    often do not show such faces.
+    """
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(truth.mesh_vertices)
+    inside = -(truth.points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    faces = np.unique(truth.point_face)
+    deep = {face: np.median(inside[truth.point_face == face]) > depth for face in faces}
+    return np.array([deep[face] for face in truth.point_face], bool)

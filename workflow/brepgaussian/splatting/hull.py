@@ -1,0 +1,156 @@
+"""Visual hull from silhouettes, at sub-voxel accuracy, and surfels spread evenly over it."""
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.errors import StageError
+from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.splatting.library import load, pointer
+
+_UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
+_MARGIN = 0.04  # of the unit frame, around the object's box
+_BAND_VOXELS = 3.0  # the field is exact this far from the surface
+_OVERSAMPLING = 12  # candidates per kept point when spreading points evenly
+
+
+@dataclass(frozen=True)
+class Hull:
+    """A closed mesh of the visual hull.
+
+    Attributes:
+        vertices: (K, 3) float64, unit frame.
+        triangles: (T, 3) int64, counter-clockwise seen from outside.
+        normals: (K, 3) float64 outward unit normals at the vertices.
+        spacing: edge of a voxel, unit frame.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    normals: NDArray[np.float64]
+    spacing: float
+
+
+def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Signed distance (px, inside positive) of each pixel centre to the contour where coverage is one half.
+
+    The antialiased border pixels say where in them the contour passes, which a thresholded mask does not.
+    """
+    import cv2
+
+    full, empty = alpha == 255, alpha == 0
+    border = ~(full | empty)
+    beside_empty = cv2.dilate(empty.astype(np.uint8), np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)) > 0
+    border |= full & beside_empty
+    if not border.any():
+        return np.full(alpha.shape, 1e3 if full.all() else -1e3, np.float32)
+    distance, labels = cv2.distanceTransformWithLabels(
+        (~border).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    coverage = np.zeros(labels.max() + 1, np.float32)
+    coverage[labels[border]] = alpha[border].astype(np.float32) / 255 - 0.5
+    return np.where(empty, -distance, distance) + coverage[labels]
+
+
+def carve(views: Views, resolution: int, threads: int = 1) -> Hull:
+    """Carve the visual hull on a grid of `resolution`^3 and mesh it.
+
+    Raises:
+        StageError: no voxel lies inside every silhouette.
+    """
+    images = np.empty(views.alpha.shape, np.int16)
+    for view, alpha in enumerate(views.alpha):
+        images[view] = np.clip(silhouette_distance(alpha) * _UNITS, -32000, 32000).astype(np.int16)
+    field, origin, spacing = hull_field(images, views.cameras, resolution, threads)
+    from skimage.measure import marching_cubes
+
+    if field.max() <= 0:
+        raise StageError(
+            "the silhouettes have no common inside",
+            fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
+        )
+    vertices, triangles, _, _ = marching_cubes(field, 0.0, gradient_direction="ascent")
+    vertices = origin + spacing * vertices.astype(np.float64)
+    return Hull(vertices, triangles.astype(np.int64), vertex_normals(vertices, triangles), spacing)
+
+
+def hull_field(
+    images: NDArray[np.int16], cameras: Cameras, resolution: int, threads: int
+) -> tuple[NDArray[np.float32], NDArray[np.float64], float]:
+    """Signed distance to the hull (n, n, n), inside positive; the grid's origin (3,) and spacing."""
+    spacing = (1 + 2 * _MARGIN) / (resolution - 1)
+    origin = np.full(3, -_MARGIN)
+    field = np.empty((resolution,) * 3, np.float32)
+    poses = np.ascontiguousarray(cameras.cam_from_unit[:, :3].reshape(-1, 12), np.float64)
+    intrinsics = np.ascontiguousarray(cameras.intrinsics, np.float64)
+    images = np.ascontiguousarray(images)
+    load().bg_hull(
+        pointer(images),
+        pointer(poses),
+        pointer(intrinsics),
+        *images.shape,
+        ctypes.c_float(_UNITS),
+        pointer(origin),
+        ctypes.c_double(spacing),
+        resolution,
+        ctypes.c_float(_BAND_VOXELS * spacing),
+        pointer(field),
+        threads,
+    )
+    # Close the surface at the grid's border, in case that silhouettes reach the images' frames.
+    for axis in range(3):
+        for side in (0, -1):
+            np.moveaxis(field, axis, 0)[side] = -spacing
+    return field, origin, spacing
+
+
+def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Outward unit normals, the triangles' weighted by area."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    face = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        for axis in range(3):
+            normals[:, axis] += np.bincount(triangles[:, k], face[:, axis], len(vertices))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
+
+
+def spread(hull: Hull, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """About `count` evenly spaced points on the hull: (N, 3) positions, (N, 3) normals, and their spacing.
+
+    Dart throwing (Poisson disks) among samples uniform by area; a disk that would touch a kept one is dropped.
+    """
+    from scipy.spatial import cKDTree
+
+    rng = np.random.default_rng(seed)
+    a, b, c = (hull.vertices[hull.triangles[:, k]] for k in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    chosen = rng.choice(len(areas), count * _OVERSAMPLING, p=areas / areas.sum())
+    u, v = rng.random((2, len(chosen)))
+    flip = u + v > 1
+    u[flip], v[flip] = 1 - u[flip], 1 - v[flip]
+    weights = np.stack([1 - u - v, u, v], axis=1)  # (M, 3) barycentric
+    points = np.einsum("mk,mkc->mc", weights, hull.vertices[hull.triangles[chosen]])
+    normals = np.einsum("mk,mkc->mc", weights, hull.normals[hull.triangles[chosen]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # Random disk packing covers 0.7 of the plane with disks of half the radius' distance.
+    radius = float(np.sqrt(0.7 * areas.sum() / count * 4 / np.pi) * 1.0)
+    neighbours = cKDTree(points).query_pairs(radius, output_type="ndarray")
+    kept = _dart_throwing(len(points), neighbours)
+    return points[kept], normals[kept], radius
+
+
+def _dart_throwing(count: int, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Keep points in their order, each one dropping the later ones that are paired with it."""
+    pairs = np.sort(pairs, axis=1)
+    pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
+    starts = np.searchsorted(pairs[:, 0], np.arange(count + 1))
+    later = pairs[:, 1]
+    kept = np.ones(count, bool)
+    for i in range(count):
+        if kept[i]:
+            kept[later[starts[i] : starts[i + 1]]] = False
+    return kept

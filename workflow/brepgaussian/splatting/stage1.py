@@ -1,0 +1,129 @@
+"""Stage 1: geometry and edges. Surfels on the visual hull, trained by 2D Gaussian Splatting."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from brepgaussian.artifacts.base import Provenance
+from brepgaussian.artifacts.masks import Masks, read_masks
+from brepgaussian.artifacts.stage1 import Evidence, Surfels
+from brepgaussian.artifacts.views import Views, read_views
+from brepgaussian.errors import StageError
+from brepgaussian.log import get_logger, progress
+from brepgaussian.settings.base import digest
+from brepgaussian.settings.stage1 import Stage1Settings
+from brepgaussian.splatting.engine import LossWeights, average_targets, training_step
+from brepgaussian.splatting.hull import Hull, carve, spread
+from brepgaussian.splatting.library import Cloud, Raster
+from brepgaussian.splatting.parameters import Parameters, quaternions_of
+from brepgaussian.splatting.targets import Target, is_grey, make_targets
+
+START_OPACITY = 0.9
+SCALE_PER_SPACING = 0.6  # disks of this size overlap enough to be opaque
+
+logger = get_logger("stage1")
+
+EvidenceStep = Callable[[Views, Masks, Surfels, Evidence, Stage1Settings, int], tuple[Surfels, Evidence]]
+"""(views, masks, surfels, evidence, settings, threads) -> surfels and evidence, enriched or changed."""
+
+EVIDENCE_STEPS: list[EvidenceStep] = []
+"""Run in order after training, before writing: 3D edges, confirmed faces, unobserved regions."""
+
+
+def train_stage1(
+    views_path: str | Path,
+    masks_path: str | Path,
+    out_ply: str | Path,
+    out_h5: str | Path,
+    settings: Stage1Settings,
+    threads: int = 1,
+) -> None:
+    """Train surfels with edge values (paper, section 3.2, stage 1) and write `stage1.ply` and `stage1.h5`.
+
+    Args:
+        views_path: `views.h5`.
+        masks_path: `masks.h5`.
+        out_ply: where the surfels go.
+        out_h5: where the evidence goes.
+        settings: see `Stage1Settings`.
+        threads: CPU threads; the result does not depend on it.
+
+    Raises:
+        ArtifactError: an input file is missing or damaged.
+        StageError: the silhouettes have no common inside, or the files do not fit together.
+        ToolError: there is no C++ compiler.
+    """
+    views, masks = read_views(views_path), read_masks(masks_path)
+    if masks.edges.shape != views.alpha.shape:
+        raise StageError(
+            f"has masks of shape {masks.edges.shape}, the views are {views.alpha.shape}",
+            file=masks_path,
+            fix="rerun the masks stage",
+        )
+    logger.info("settings: %s", settings)
+    hull = carve(views, settings.hull_resolution, threads)
+    parameters = start(views, hull, settings)
+    targets = make_targets(views, masks, settings.image_size)
+    losses = optimise(parameters, targets, settings, threads)
+    surfels = parameters.surfels()
+    evidence = Evidence(
+        hull_vertices=hull.vertices.astype(np.float32),
+        hull_triangles=hull.triangles.astype(np.int32),
+        face_id=np.full(len(parameters), -1, np.int32),
+        losses=np.array(losses, np.float32),
+    )
+    for step in EVIDENCE_STEPS:
+        surfels, evidence = step(views, masks, surfels, evidence, settings, threads)
+    surfels.write(out_ply)
+    evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
+
+
+def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
+    """Surfels spread evenly over the hull."""
+    points, normals, spacing = spread(hull, settings.surfels, settings.seed)
+    count, channels = len(points), (1 if is_grey(views) else 3) + 1
+    cloud = Cloud(
+        centers=points.astype(np.float32),
+        quaternions=quaternions_of(normals),
+        scales=np.full((count, 2), SCALE_PER_SPACING * spacing, np.float32),
+        opacities=np.full(count, START_OPACITY, np.float32),
+        channels=np.full((count, channels), 0.5, np.float32),
+    )
+    logger.info("hull: %d vertices; %d surfels, %.4f apart", len(hull.vertices), count, spacing)
+    return Parameters(cloud)
+
+
+def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Settings, threads: int) -> list[float]:
+    """Train in place, one view a step, and return the loss of each step."""
+    rng = np.random.default_rng(settings.seed)
+    raster, losses = Raster(), []
+    weights = LossWeights(
+        dssim=settings.dssim_weight,
+        alpha=settings.alpha_weight,
+        edge=settings.edge_weight if settings.edge_loss else 0.0,
+        normal=settings.normal_weight,
+        distortion=settings.distortion_weight,
+    )
+    averages, _ = average_targets(parameters.cloud, targets, settings.low_pass_px, threads)
+    parameters.cloud.channels[:] = averages
+    parameters.raw["channels"][:] = averages
+    order: list[int] = []
+    for iteration in progress(range(settings.iterations), "stage1"):
+        if not order:
+            order = rng.permutation(len(targets)).tolist()
+        step = training_step(raster, parameters.cloud, targets[order.pop()], weights, settings.low_pass_px, threads)
+        share = settings.final_rate ** (iteration / settings.iterations)
+        parameters.update(
+            step.gradients,
+            {
+                "centers": share * settings.position_rate,
+                "quaternions": share * settings.rotation_rate,
+                "scales": share * settings.scale_rate,
+                "opacities": share * settings.opacity_rate,
+                "channels": share * settings.color_rate,
+            },
+            threads,
+        )
+        losses.append(step.loss)
+    return losses
