@@ -68,3 +68,21 @@ def _root(parent: list[int], index: int) -> int:
     while parent[index] != index:
         index = parent[index]
     return index
+
+
+def resample(polyline: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """(count + 1, 3) points at equal arc lengths along a polyline (N, 3)."""
+    steps = np.linalg.norm(np.diff(polyline, axis=0), axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0, arc[-1], count + 1)
+    return np.column_stack([np.interp(wanted, arc, polyline[:, k]) for k in range(3)])
+
+
+def end_tangents(polyline: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2, 3) unit tangents at the ends of a sampled smooth curve (N, 3), both pointing into it (second order)."""
+    tangents = []
+    for line in (polyline, polyline[::-1]):
+        first = line[1] - line[0]
+        tangents.append(2 * first - (line[2] - line[0]) / 2 if len(line) > 2 else first)
+    lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
+    return np.array(tangents) / np.maximum(lengths, 1e-300)

@@ -16,7 +16,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_VERTEX
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 
-from brepgaussian.geometry.chains import EdgeEnds, join
+from brepgaussian.geometry.chains import EdgeEnds, join, resample
 from brepgaussian.geometry.kernel import face_normals, face_surface, faces_of
 
 Array = NDArray[np.float64]
@@ -131,14 +131,6 @@ class _Edge:
             return self.at(np.linspace(0, 1, count + 1))
         dense = self.at(np.linspace(0, 1, 8 * count + 1))
         return resample(dense, count)
-
-
-def resample(polyline: Array, count: int) -> Array:
-    """(count + 1, 3) points at equal arc lengths along a polyline (N, 3)."""
-    steps = np.linalg.norm(np.diff(polyline, axis=0), axis=1)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    wanted = np.linspace(0, arc[-1], count + 1)
-    return np.column_stack([np.interp(wanted, arc, polyline[:, k]) for k in range(3)])
 
 
 def _visible_edges(solid: Any) -> list[_Edge]:
