@@ -1,0 +1,126 @@
+"""Everything that a page or a contact sheet of one object shows, read once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.brep import Brep, read_brep
+from brepgaussian.artifacts.masks import Masks, read_masks
+from brepgaussian.artifacts.points import Points, read_points
+from brepgaussian.artifacts.primitives import Primitives, read_primitives
+from brepgaussian.artifacts.stage1 import Evidence, Surfels, read_evidence, read_surfels
+from brepgaussian.artifacts.truth import Truth, read_truth
+from brepgaussian.artifacts.views import Views, read_views
+from brepgaussian.geometry.topology import sharp_curves
+from brepgaussian.metrics import mesh
+from brepgaussian.metrics.distances import SampledSurface
+from brepgaussian.metrics.solid import read_step
+from brepgaussian.metrics.table import read_rows
+from brepgaussian.metrics.triangulation import triangulate
+from brepgaussian.settings.report import ReportSettings
+
+_ERROR_EDGE = 0.05  # longest edge of triangles that carry errors at their corners, unit frame
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """The solid as triangles.
+
+    Attributes:
+        vertices: (K, 3); triangles: (T, 3); face: (T,) face of each.
+        curves: one (n, 3) polyline per sharp curve.
+    """
+
+    vertices: Array
+    triangles: NDArray[np.int32]
+    face: NDArray[np.int32]
+    curves: tuple[Array, ...]
+
+    @cached_property
+    def surface(self) -> SampledSurface:
+        """For distances and rays; without samples."""
+        return SampledSurface(self.vertices, self.triangles, np.zeros((0, 3)), np.zeros((0, 3)))
+
+    @cached_property
+    def fine(self) -> tuple[Array, NDArray[np.int32]]:
+        """The same surface in small triangles, whose corners can carry errors."""
+        return mesh.split_long(self.vertices, self.triangles, _ERROR_EDGE)
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """All artifacts of one object."""
+
+    object_name: str
+    views: Views
+    masks: Masks
+    surfels: Surfels
+    evidence: Evidence
+    points: Points
+    primitives: Primitives
+    brep: Brep
+    solid: Solid
+    truth: Truth | None
+    row: dict[str, Any]
+    step_path: Path
+
+    @cached_property
+    def errors(self) -> Array | None:
+        """Distance of each corner of `solid.fine` to the truth's surface; None without a truth."""
+        if self.truth is None:
+            return None
+        truth = SampledSurface(
+            self.truth.mesh_vertices, self.truth.mesh_triangles, self.truth.points, self.truth.normals
+        )
+        return truth.closest(self.solid.fine[0])[0]
+
+    @cached_property
+    def missed(self) -> Array | None:
+        """Distance of each of the truth's points to the solid; None without a truth."""
+        return None if self.truth is None else self.solid.surface.closest(self.truth.points)[0]
+
+
+def load(
+    *,
+    object_name: str,
+    views_path: str | Path,
+    masks_path: str | Path,
+    stage1_ply: str | Path,
+    stage1_h5: str | Path,
+    points_path: str | Path,
+    primitives_path: str | Path,
+    step_path: str | Path,
+    brep_h5: str | Path,
+    truth_path: str | Path | None,
+    metrics_row: str | Path,
+    settings: ReportSettings,
+) -> Content:
+    """Read all artifacts of an object."""
+    views = read_views(views_path)
+    return Content(
+        object_name=object_name,
+        views=views,
+        masks=read_masks(masks_path),
+        surfels=read_surfels(stage1_ply),
+        evidence=read_evidence(stage1_h5),
+        points=read_points(points_path),
+        primitives=read_primitives(primitives_path),
+        brep=read_brep(brep_h5),
+        solid=read_solid(step_path, views, settings.deflection),
+        truth=read_truth(truth_path) if truth_path else None,
+        row=read_rows(metrics_row)[0],
+        step_path=Path(step_path),
+    )
+
+
+def read_solid(step_path: str | Path, views: Views, deflection: float) -> Solid:
+    """Triangulate the published STEP in the unit frame."""
+    shape = read_step(step_path, views.world_from_unit, views.unit)
+    triangles, curves = triangulate(shape, deflection), sharp_curves(shape)
+    lines = tuple(curves.points[curves.curve_id == i] for i in range(len(curves.types)))
+    return Solid(triangles.vertices, triangles.triangles, triangles.face, lines)
