@@ -1,12 +1,151 @@
-"""Snapping of the patches' surfaces to the relations that hold between them."""
+"""Snapping of the patches' surfaces to the relations that hold between them.
+
+Order: directions, coaxial axes, equal radii and angles, patches of one surface, tangency. After each kind
+all surfaces are solved on their points with all relations so far as equations; a patch that its points then
+leave takes the relations back that moved it.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
 
 from brepgaussian.artifacts.primitives import Relation
-from brepgaussian.primitives.patches import Cloud, Noise, Patch
+from brepgaussian.geometry.fit import oriented
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.log import get_logger
+from brepgaussian.primitives import propose
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners, spreads
+from brepgaussian.primitives.propose import State
+from brepgaussian.primitives.relations import Link
+from brepgaussian.primitives.solve import Evidence, covariance, gather, significance, solve
 from brepgaussian.settings.primitives import PrimitivesSettings
+
+log = get_logger("primitives")
+
+STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
+    ("directions", propose.directions),
+    ("coaxial", propose.coaxial),
+    ("equal radii", propose.equal_radii),
+    ("equal angles", propose.equal_angles),
+    ("tangent", propose.tangent),
+    ("one surface", propose.same),
+)
+TOUCHING = 3  # neighbour pairs that make two patches adjacent
+WORSE = 1.15  # times its own residual that a patch may have after snapping
+ALLOWED = 1.1  # noises that any patch may have: one that happens to fit better is no better known
+MOST_UNDONE = 40  # relations taken back in one step
+HELD = 1e-6  # a relation with a larger residual after the solve contradicts the others
+
+
+class Snapping:
+    """Patches, their free fits and the relations kept so far."""
+
+    def __init__(self, patches: list[Patch], cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> None:
+        self.cloud, self.noise, self.settings = cloud, noise, settings
+        self.patches = list(patches)
+        self.free = [p.surface for p in patches]
+        self.evidence: list[Evidence] = [gather(p, cloud, noise) for p in patches]
+        self.before = [(p.rms, p.turn) for p in patches]
+        self.links: list[Link] = []
+        self.residuals: dict[Link, float] = {}
+
+    def state(self) -> State:
+        """The present surfaces as the proposals need them."""
+        surfaces = [p.surface for p in self.patches]
+        covariances = [covariance(s, e) for s, e in zip(surfaces, self.evidence, strict=True)]
+        table = contacts(self.cloud, owners(self.patches, len(self.cloud.xyz)), len(self.patches))
+        sizes = [len(p.members) for p in self.patches]
+        return State(surfaces, covariances, sizes, table >= TOUCHING, self.noise, self.settings)
+
+    def add(self, name: str, proposed: list[Link]) -> list[Link]:
+        """Solve with more relations, take back those that the points or the other relations refuse."""
+        surfaces = [p.surface for p in self.patches]
+        covariances = [covariance(s, e) for s, e in zip(surfaces, self.evidence, strict=True)]
+        strength = {link: significance(link, surfaces, covariances) for link in proposed if link not in self.links}
+        fresh = sorted(strength, key=lambda k: (strength[k], k.first, k.second, k.kind))
+        undone = 0
+        while fresh:
+            solved, left = solve(self.free, self.evidence, self.links + fresh)
+            refused = self._refused(solved, left, fresh)
+            if not refused:
+                break
+            worst = max(refused, key=lambda k: (strength[k], k.first, k.second, k.kind))
+            fresh.remove(worst)
+            undone += 1
+            if undone > MOST_UNDONE:
+                fresh = []
+        if fresh:
+            self._accept(solved, fresh, surfaces)
+        log.info("%s: %d of %d relations kept", name, len(fresh), len(strength))
+        return fresh
+
+    def _accept(self, solved: list[Surface], fresh: list[Link], surfaces: list[Surface]) -> None:
+        for link in fresh:
+            self.residuals[link] = float(np.abs(link.residual(surfaces[link.first], surfaces[link.second])).max())
+        self.links += fresh
+        self.patches = [self._on(p, s) for p, s in zip(self.patches, solved, strict=True)]
+
+    def _on(self, patch: Patch, surface: Surface) -> Patch:
+        some = self.cloud.xyz[patch.members], self.cloud.normals[patch.members]
+        return patch.on(oriented(surface, *some), self.cloud)
+
+    def _refused(self, solved: list[Surface], left: np.ndarray, fresh: list[Link]) -> list[Link]:
+        """Fresh relations of patches that left their points, or that do not hold."""
+        broken = [link for link, value in zip(self.links + fresh, left, strict=True) if value > HELD]
+        if broken:
+            touched = {i for link in broken for i in (link.first, link.second)}
+        else:
+            touched = {i for link in fresh for i in (link.first, link.second)}
+            touched = {i for i in touched if self._left_its_points(i, solved[i])}
+        return [link for link in fresh if link.first in touched or link.second in touched]
+
+    def _left_its_points(self, i: int, surface: Surface) -> bool:
+        patch = self._on(self.patches[i], surface)
+        rms, turn = spreads(patch.surface, self.cloud, patch.members)
+        old_rms, old_turn = self.before[i]
+        too_far = rms > max(WORSE * old_rms, ALLOWED * self.noise.distance)
+        return too_far or turn > max(WORSE * old_turn, ALLOWED * self.noise.turn)
 
 
 def regularise(
     patches: list[Patch], cloud: Cloud, noise: Noise, settings: PrimitivesSettings
 ) -> tuple[list[Patch], tuple[Relation, ...]]:
-    """No relation is sought yet: the patches as they are."""
-    return patches, ()
+    """Find the relations between the patches' surfaces and make them hold.
+
+    Args:
+        patches: fitted patches.
+        cloud: the points.
+        noise: of the points.
+        settings: of the stage.
+
+    Returns:
+        The patches with snapped surfaces, those of one surface joined, and the relations kept; a relation's
+        residual is the largest of its equations before it was enforced (unit frame or radians).
+    """
+    snapping = Snapping(patches, cloud, noise, settings)
+    joined: list[Link] = []
+    for name, proposals in STEPS:
+        fresh = snapping.add(name, proposals(snapping.state()))
+        if proposals is propose.same:
+            joined = fresh
+    return _joined(snapping, joined)
+
+
+def _joined(snapping: Snapping, links: list[Link]) -> tuple[list[Patch], tuple[Relation, ...]]:
+    """Patches of one surface become one patch; the relations are renumbered."""
+    head = {link.second: link.first for link in links}
+    kept = [i for i in range(len(snapping.patches)) if i not in head]
+    place = {i: n for n, i in enumerate(kept)}
+    patches = []
+    for i in kept:
+        group = [snapping.patches[i], *(snapping.patches[j] for j, h in head.items() if h == i)]
+        labels = tuple(sorted({v for p in group for v in p.labels}))
+        members = np.unique(np.concatenate([p.members for p in group]))
+        rms, turn = spreads(group[0].surface, snapping.cloud, members)
+        patches.append(Patch(labels, members, group[0].surface, rms, turn))
+    relations: dict[tuple[str, int, int], float] = {}
+    for link in snapping.links:
+        ends = place[head.get(link.first, link.first)], place[head.get(link.second, link.second)]
+        if ends[0] != ends[1]:
+            relations.setdefault((link.kind, min(ends), max(ends)), snapping.residuals[link])
+    return patches, tuple(Relation(k, i, j, r) for (k, i, j), r in sorted(relations.items()))

@@ -1,0 +1,240 @@
+"""Which relations the fits suggest, kind by kind; each is a `Link` with how far off the fits are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.geometry.fit import PARAMETERS
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.primitives.patches import Noise
+from brepgaussian.primitives.relations import ANGLES_DEG, TANGENT_PAIRS, Link, axis_gap, direction_angle
+from brepgaussian.settings.primitives import PrimitivesSettings
+
+Array = NDArray[np.float64]
+
+USUAL_NOISE = 0.003  # unit frame; the noise that the floors of the tolerances are meant for
+TILTS = {"plane": slice(0, 2), "cylinder": slice(2, 4), "cone": slice(2, 4), "torus": slice(3, 5)}
+RADIUS_SHARE = 0.15  # of a radius; radii further apart are not equal however badly they are known
+GAP_CAP = 6.0  # noises: axes further apart are not one
+LENGTH_FLOOR = 1.5  # noises: lengths that near are never told apart by smooth errors
+LENGTH_CAP = 5.0
+SAME_CAP = 2.0  # noises: a larger step between two planes is a real one
+CERTAIN = 3.0  # standard deviations
+_USUAL = {f"angle_{a}": a for a in ANGLES_DEG}
+CHANCE = 3.0  # times as many pairs at an angle as random directions would give make it a design
+ANGLE_SHARE = 0.5  # of the tolerance of right angles: 30, 45 and 60 degrees are rarer
+
+
+@dataclass(frozen=True)
+class State:
+    """Surfaces with their covariances, the noise and which patches touch.
+
+    Attributes:
+        surfaces: one a patch; covariances: (P, P) of their local parameters; sizes: points of each patch;
+        touching: (N, N) bool; noise; settings.
+    """
+
+    surfaces: list[Surface]
+    covariances: list[Array]
+    sizes: list[int]
+    touching: NDArray[np.bool_]
+    noise: Noise
+    settings: PrimitivesSettings
+
+    def tilt_error(self, i: int) -> float:
+        """Standard deviation of a patch's direction, radians."""
+        block = self.covariances[i][TILTS[self.surfaces[i].kind], TILTS[self.surfaces[i].kind]]
+        return float(np.sqrt(np.linalg.eigvalsh(block)[-1]))
+
+    def length_error(self, i: int, column: int) -> float:
+        """Standard deviation of one length parameter."""
+        return float(np.sqrt(self.covariances[i][column, column]))
+
+    def joint_error(self, i: int, j: int, column: int) -> float:
+        """Standard deviation of the difference of one parameter of two patches of a kind."""
+        return float(np.hypot(self.length_error(i, column), self.length_error(j, column)))
+
+    def angle_tolerance(self, i: int, j: int) -> float:
+        """Largest angle at which two directions count as parallel, radians."""
+        own = CERTAIN * float(np.hypot(self.tilt_error(i), self.tilt_error(j)))
+        floor = np.radians(self.settings.angle_floor_deg) * min(1.0, self.noise.distance / USUAL_NOISE)
+        return float(np.clip(own, floor, np.radians(self.settings.angle_cap_deg)))
+
+    def length_tolerance(self, error: float, cap: float = LENGTH_CAP) -> float:
+        """Largest difference of two lengths that counts as none, for their joint standard deviation."""
+        sigma = self.noise.distance
+        return float(np.clip(CERTAIN * error, min(LENGTH_FLOOR, cap) * sigma, cap * sigma))
+
+
+def directions(state: State) -> list[Link]:
+    """Parallel members of each cluster of directions, and right or usual angles between the clusters."""
+    having = [i for i, s in enumerate(state.surfaces) if s.kind != "sphere"]
+    having.sort(key=lambda i: (state.tilt_error(i), i))
+    heads: list[int] = []
+    links = []
+    for i in having:
+        near = [(direction_angle(state.surfaces[h], state.surfaces[i]), h) for h in heads]
+        fitting = [(a, h) for a, h in near if a < state.angle_tolerance(h, i)]
+        if fitting:
+            links.append(Link("parallel", min(fitting)[1], i))
+        else:
+            heads.append(i)
+    for n, i in enumerate(heads):
+        for j in heads[:n]:
+            angle, limit = direction_angle(state.surfaces[i], state.surfaces[j]), state.angle_tolerance(i, j)
+            if abs(np.pi / 2 - angle) < limit:
+                links.append(Link("perpendicular", j, i))
+            links += [Link(f"angle_{a}", j, i) for a in ANGLES_DEG if abs(np.radians(a) - angle) < ANGLE_SHARE * limit]
+    return links
+
+
+def coaxial(state: State) -> list[Link]:
+    """Axes that coincide, each tied to the most certain one; centres of spheres on axes."""
+    round_ = [i for i, s in enumerate(state.surfaces) if s.kind in ("cylinder", "cone", "torus")]
+    round_.sort(key=lambda i: (state.tilt_error(i), i))
+    round_ += [i for i, s in enumerate(state.surfaces) if s.kind == "sphere"]
+    heads: list[int] = []
+    links = []
+    for i in round_:
+        fitting = []
+        for h in heads:
+            sphere = state.surfaces[i].kind == "sphere"
+            if not sphere and direction_angle(state.surfaces[h], state.surfaces[i]) > state.angle_tolerance(h, i):
+                continue
+            gap = axis_gap(state.surfaces[h], state.surfaces[i])
+            error = max(state.joint_error(h, i, 0), state.joint_error(h, i, 1))
+            if gap < state.length_tolerance(error, GAP_CAP):
+                fitting.append((gap, h))
+        if fitting:
+            links.append(Link("coaxial", min(fitting)[1], i))
+        elif state.surfaces[i].kind != "sphere":
+            heads.append(i)
+    return links
+
+
+def equal_radii(state: State) -> list[Link]:
+    """Cylinders, spheres and tubes of tori of one radius, each tied to the most certain of its cluster."""
+    links = []
+    for kind, column in (("cylinder", 4), ("sphere", 3), ("torus", 6)):
+        for flipped in (False, True):
+            group = [i for i, s in enumerate(state.surfaces) if s.kind == kind and s.flipped == flipped]
+            group.sort(key=lambda i: (state.length_error(i, column), i))
+            heads: list[int] = []
+            for i in group:
+                fitting = []
+                for h in heads:
+                    radii = [_radius(state.surfaces[k]) for k in (h, i)]
+                    error = state.joint_error(h, i, column)
+                    limit = min(state.length_tolerance(error), RADIUS_SHARE * min(radii))
+                    if abs(radii[0] - radii[1]) < limit:
+                        fitting.append((abs(radii[0] - radii[1]), h))
+                if fitting:
+                    links.append(Link("equal_radius", min(fitting)[1], i))
+                else:
+                    heads.append(i)
+    return links
+
+
+def equal_angles(state: State) -> list[Link]:
+    """Cones of one half angle."""
+    cones = [i for i, s in enumerate(state.surfaces) if s.kind == "cone"]
+    cones.sort(key=lambda i: (state.length_error(i, 5), i))
+    links = []
+    heads: list[int] = []
+    for i in cones:
+        near = [(abs(state.surfaces[h].angle - state.surfaces[i].angle), h) for h in heads]
+        fitting = [
+            (gap, h)
+            for gap, h in near
+            if gap
+            < min(CERTAIN * np.hypot(state.length_error(h, 5), state.length_error(i, 5)), state.angle_tolerance(h, i))
+        ]
+        if fitting:
+            links.append(Link("equal_angle", min(fitting)[1], i))
+        else:
+            heads.append(i)
+    return links
+
+
+def same(state: State) -> list[Link]:
+    """Patches on one analytic surface with the same outward side, lying apart or not."""
+    order = sorted(range(len(state.surfaces)), key=lambda i: (-state.sizes[i], i))
+    heads: list[int] = []
+    links = []
+    for i in order:
+        match = next((h for h in heads if _one_surface(state, h, i)), None)
+        if match is None:
+            heads.append(i)
+        else:
+            links.append(Link("same", match, i))
+    return links
+
+
+def tangent(state: State) -> list[Link]:
+    """Neighbours that meet without an edge."""
+    links = []
+    for i, j in zip(*np.nonzero(np.triu(state.touching)), strict=True):
+        pair = state.surfaces[i], state.surfaces[j]
+        if frozenset(s.kind for s in pair) not in TANGENT_PAIRS:
+            continue
+        link = Link("tangent", int(i), int(j))
+        if _may_touch(state, link):
+            links.append(link)
+    return links
+
+
+def _may_touch(state: State, link: Link) -> bool:
+    """Angles within their tolerance and the gap within that of lengths."""
+    first, second = state.surfaces[link.first], state.surfaces[link.second]
+    value = link.residual(first, second)
+    error = float(
+        np.hypot(*(np.sqrt(max(np.diag(state.covariances[k])[_lengths(k, state)])) for k in (link.first, link.second)))
+    )
+    gap = abs(float(value[-1]))
+    if gap > state.length_tolerance(error):
+        return False
+    if len(value) == 1:
+        return True
+    if first.kind == "sphere" or second.kind == "sphere":
+        return float(np.linalg.norm(value[:-1])) < state.length_tolerance(error)
+    tilt = float(np.linalg.norm(value[: 1 if len(value) == 2 else 2]))
+    if tilt > state.angle_tolerance(link.first, link.second):
+        return False
+    return len(value) < 5 or float(np.linalg.norm(value[2:4])) < state.length_tolerance(error, GAP_CAP)
+
+
+def _lengths(i: int, state: State) -> list[int]:
+    kind = state.surfaces[i].kind
+    tilts = range(*TILTS[kind].indices(PARAMETERS[kind])) if kind in TILTS else ()
+    return [c for c in range(PARAMETERS[kind]) if c not in tilts and not (kind == "cone" and c == 5)]
+
+
+def _one_surface(state: State, i: int, j: int) -> bool:
+    first, second = state.surfaces[i], state.surfaces[j]
+    if first.kind != second.kind or first.flipped != second.flipped:
+        return False
+    limit = state.length_tolerance(0.5 * state.noise.distance, SAME_CAP)
+    if first.kind == "plane":
+        if first.axis @ second.axis < 0 or direction_angle(first, second) > state.angle_tolerance(i, j):
+            return False
+        heights = (second.origin - first.origin) @ first.axis, (second.origin - first.origin) @ second.axis
+        return bool(max(map(abs, heights)) < limit)
+    if first.kind == "sphere":
+        return float(np.linalg.norm(second.origin - first.origin)) < limit and abs(first.radius - second.radius) < limit
+    if direction_angle(first, second) > state.angle_tolerance(i, j) or axis_gap(first, second) > limit:
+        return False
+    lift = float((second.origin - first.origin) @ first.axis)
+    if first.kind == "cone":
+        if first.axis @ second.axis < 0:
+            return False
+        there = first.radius + lift * np.tan(first.angle)
+        turned = abs(first.angle - second.angle)
+        return abs(there - second.radius) < limit and turned < state.angle_tolerance(i, j)
+    if abs(first.radius - second.radius) > limit:
+        return False
+    return first.kind == "cylinder" or (abs(lift) < limit and abs(first.minor - second.minor) < limit)
+
+
+def _radius(surface: Surface) -> float:
+    return surface.minor if surface.kind == "torus" else surface.radius

@@ -1,0 +1,165 @@
+"""Relations between surfaces as equations: a residual vector that is zero where the relation holds.
+
+Lengths are in the unit frame and angles in radians, so that one metre-like unit and one radian weigh alike;
+significance is judged with the covariances of the fits, never with these raw numbers.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.geometry.surfaces import Surface
+
+Array = NDArray[np.float64]
+Residual = Callable[[Surface, Surface], Array]
+
+ANGLES_DEG = (30, 45, 60)  # between directions of one part, besides 0 and 90
+
+
+@dataclass(frozen=True)
+class Link:
+    """A relation of two patches (of one, where both are the same).
+
+    Attributes:
+        kind: name, a key of `RESIDUALS`.
+        first, second: indices of patches.
+    """
+
+    kind: str
+    first: int
+    second: int
+
+    def residual(self, first: Surface, second: Surface) -> Array:
+        """(rows,) zero where the relation holds."""
+        return RESIDUALS[self.kind](first, second)
+
+
+def direction_angle(first: Surface, second: Surface) -> float:
+    """Angle between two axes without their sense, radians in [0, pi/2]."""
+    across = float(np.linalg.norm(np.cross(first.axis, second.axis)))
+    return float(np.arctan2(across, abs(float(first.axis @ second.axis))))
+
+
+def axis_gap(first: Surface, second: Surface) -> float:
+    """Distance of the second's origin from the first's axis."""
+    offset = second.origin - first.origin
+    return float(np.linalg.norm(offset - (offset @ first.axis) * first.axis))
+
+
+def _parallel(first: Surface, second: Surface) -> Array:
+    x, y, _ = first.frame()
+    return np.array([second.axis @ x, second.axis @ y])
+
+
+def _perpendicular(first: Surface, second: Surface) -> Array:
+    return np.array([first.axis @ second.axis])
+
+
+def _angle(degrees: float) -> Residual:
+    cosine = float(np.cos(np.radians(degrees)))
+
+    def residual(first: Surface, second: Surface) -> Array:
+        product = float(first.axis @ second.axis)
+        return np.array([product - np.copysign(cosine, product)])
+
+    return residual
+
+
+def _on_axis(first: Surface, second: Surface) -> Array:
+    """The second's origin on the first's axis."""
+    x, y, _ = first.frame()
+    offset = second.origin - first.origin
+    return np.array([offset @ x, offset @ y])
+
+
+def _coaxial(first: Surface, second: Surface) -> Array:
+    if second.kind == "sphere":
+        return _on_axis(first, second)
+    if first.kind == "sphere":
+        return _on_axis(second, first)
+    return np.concatenate([_parallel(first, second), _on_axis(first, second)])
+
+
+def _equal_radius(first: Surface, second: Surface) -> Array:
+    if first.kind == "torus" and second.kind == "torus":
+        return np.array([first.minor - second.minor])
+    return np.array([first.radius - second.radius])
+
+
+def _equal_angle(first: Surface, second: Surface) -> Array:
+    return np.array([first.angle - second.angle])
+
+
+def _coplanar(first: Surface, second: Surface) -> Array:
+    return np.append(_parallel(first, second), (second.origin - first.origin) @ first.axis)
+
+
+def _same(first: Surface, second: Surface) -> Array:
+    """One and the same analytic surface."""
+    if first.kind == "plane":
+        return _coplanar(first, second)
+    if first.kind == "sphere":
+        return np.append(second.origin - first.origin, second.radius - first.radius)
+    common = np.concatenate([_parallel(first, second), _on_axis(first, second)])
+    if first.kind == "cylinder":
+        return np.append(common, second.radius - first.radius)
+    lift = (second.origin - first.origin) @ first.axis
+    if first.kind == "torus":
+        return np.concatenate([common, [lift, second.radius - first.radius, second.minor - first.minor]])
+    radius = first.radius + lift * np.tan(first.angle)
+    return np.concatenate([common, [second.radius - radius, second.angle - first.angle]])
+
+
+def _touching(height: float, radius: float) -> float:
+    return height - float(np.copysign(radius, height))
+
+
+def _tangent(first: Surface, second: Surface) -> Array:
+    """Tangency of a plane with a cylinder, sphere or torus, of coaxial pieces, of parallel cylinders."""
+    if second.kind == "plane":
+        first, second = second, first
+    if first.kind == "plane":
+        height = float((second.origin - first.origin) @ first.axis)
+        if second.kind == "cylinder":
+            return np.array([first.axis @ second.axis, _touching(height, second.radius)])
+        if second.kind == "sphere":
+            return np.array([_touching(height, second.radius)])
+        return np.append(_parallel(first, second), _touching(height, second.minor))
+    if second.kind == "cylinder":
+        first, second = second, first
+    if second.kind == "sphere":
+        return np.append(_on_axis(first, second), first.radius - second.radius)
+    if second.kind == "torus":
+        gap = _touching(second.radius - first.radius, second.minor)
+        return np.append(_coaxial(first, second), gap)
+    x, y, _ = first.frame()
+    offset = second.origin - first.origin
+    distance = float(np.hypot(offset @ x, offset @ y))
+    outside, inside = distance - first.radius - second.radius, distance - abs(first.radius - second.radius)
+    return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
+
+
+RESIDUALS: dict[str, Residual] = {
+    "parallel": _parallel,
+    "perpendicular": _perpendicular,
+    **{f"angle_{a}": _angle(a) for a in ANGLES_DEG},
+    "coaxial": _coaxial,
+    "equal_radius": _equal_radius,
+    "equal_angle": _equal_angle,
+    "same": _same,
+    "tangent": _tangent,
+}
+
+TANGENT_PAIRS = {
+    frozenset(p)
+    for p in (
+        ("plane", "cylinder"),
+        ("plane", "sphere"),
+        ("plane", "torus"),
+        ("cylinder", "torus"),
+        ("cylinder", "sphere"),
+        ("cylinder",),
+    )
+}
