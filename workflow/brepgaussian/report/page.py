@@ -17,7 +17,7 @@ from brepgaussian.report.layers import layers
 from brepgaussian.report.picture import Frame, best_view, frame_on_object, runs, visible
 from brepgaussian.settings.report import ReportSettings
 
-_ASSETS = Path(__file__).parent / "assets"
+_ASSETS = Path(__file__).parent
 _LARGEST_EMBEDDED = 4_000_000  # bytes of a STEP file that goes into the page itself
 _GROUPS = {
     "Run": HEAD[2:],
