@@ -80,13 +80,25 @@ def directions(state: State) -> list[Link]:
             links.append(Link("parallel", min(fitting)[1], i))
         else:
             heads.append(i)
+    return links + _angles(state, heads, {"perpendicular": 90}, 1.0) + _angles(state, heads, _USUAL, ANGLE_SHARE)
+
+
+def _angles(state: State, heads: list[int], targets: dict[str, int], share: float) -> list[Link]:
+    """Pairs of directions at given angles, if they are more than chance would give.
+
+    The angle of two random directions is within t of a target a with probability 2 t sin(a) (t at 90 degrees).
+    """
+    links: list[Link] = []
+    expected = 0.0
     for n, i in enumerate(heads):
         for j in heads[:n]:
-            angle, limit = direction_angle(state.surfaces[i], state.surfaces[j]), state.angle_tolerance(i, j)
-            if abs(np.pi / 2 - angle) < limit:
-                links.append(Link("perpendicular", j, i))
-            links += [Link(f"angle_{a}", j, i) for a in ANGLES_DEG if abs(np.radians(a) - angle) < ANGLE_SHARE * limit]
-    return links
+            angle = direction_angle(state.surfaces[i], state.surfaces[j])
+            limit = share * state.angle_tolerance(i, j)
+            for name, degrees in targets.items():
+                expected += limit * (1 if degrees == 90 else 2) * float(np.sin(np.radians(degrees)))
+                if abs(np.radians(degrees) - angle) < limit:
+                    links.append(Link(name, j, i))
+    return links if len(links) > CHANCE * expected else []
 
 
 def coaxial(state: State) -> list[Link]:

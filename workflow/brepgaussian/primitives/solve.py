@@ -86,7 +86,8 @@ def significance(link: Link, surfaces: list[Surface], covariances: list[Array]) 
     matrix = np.zeros((len(value), len(value)))
     for patch, jacobian in jacobians.items():
         matrix += jacobian @ covariances[patch] @ jacobian.T
-    return float(np.sqrt(max(value @ np.linalg.pinv(matrix, rcond=1e-10) @ value, 0.0) / len(value)))
+    square = float(value @ np.linalg.pinv(matrix, rcond=1e-10) @ value)
+    return float(np.sqrt(max(square, 0.0) / len(value)))
 
 
 def solve(surfaces: list[Surface], evidence: list[Evidence], links: list[Link]) -> tuple[list[Surface], Array]:
