@@ -1,0 +1,131 @@
+"""The truth-free acceptance test: do all edges and silhouettes of a solid agree with the images?
+
+Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel, and
+the masks' IoU is above .998. Global residuals do not show a failure; the worst edge does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.refine.mesh import FaceMesh
+from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
+from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
+from brepgaussian.brep.refine.solve import State, residuals
+from brepgaussian.brep.refine.visibility import CREASE, SILHOUETTE, Scene, Seen, classify, group_names, masks_iou
+from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.settings.brep import BrepSettings
+
+Array = NDArray[np.float64]
+
+WINDOW_PX = 6.0  # search; an edge that is not found within it counts as this far off
+_LEAST_SEEN = 8  # silhouette samples below which an edge is not judged
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Outcome of the test.
+
+    Attributes:
+        silhouette_px: worst edge's median |silhouette residual|; NaN if no edge is seen against the background.
+        mask_iou: IoU of the silhouettes over all views.
+        accepted: both within their limits.
+        edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
+        faces: per face: the worst of its edges' medians and the number of samples seen.
+    """
+
+    silhouette_px: float
+    mask_iou: float
+    accepted: bool
+    edges: list[dict[str, object]] = field(default_factory=list)
+    faces: list[dict[str, object]] = field(default_factory=list)
+
+
+def acceptance(
+    mesh: FaceMesh,
+    structure: Structure,
+    surfaces: Sequence[Surface],
+    views: Views,
+    settings: BrepSettings,
+    *,
+    images: Images | None = None,
+    poses: Array | None = None,
+    tone: float = 0.0,
+) -> Acceptance:
+    """Judge a solid by the images alone.
+
+    Args:
+        mesh: the solid's triangulation, faces as in `structure`.
+        structure: its edges by surface.
+        surfaces: the surfaces that `structure` names.
+        views: images and cameras.
+        settings: the limits.
+        images: what `observe.prepare(views)` gave, to save doing it again.
+        poses: (V, 3) image corrections that the refinement found.
+        tone: tone coefficient that the refinement found, px.
+    """
+    images = images or prepare(views)
+    poses = np.zeros((len(views.cameras), 3)) if poses is None else poses
+    scene, state = Scene(mesh), State(tuple(surfaces), tone, poses)
+    seen = watch(mesh, scene, structure, state, views, settings.refine_observations)
+    found = measure(images, seen, WINDOW_PX, WINDOW_PX / 2)
+    iou = masks_iou(scene, views.cameras, views.alpha, poses)
+    return judge(seen, found, structure, tone, iou, settings)
+
+
+def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, views: Views, limit: int) -> Seen:
+    """All usable observations of edges and apparent contours of the present solid."""
+    samples = edge_samples(structure, state.surfaces, len(views.cameras), limit)
+    rays = see_edges(samples, state.surfaces, views.cameras, state.poses)
+    contours = see_contours(mesh, structure, state.surfaces, views.cameras, state.poses, 2 * SPACING)
+    joined = type(rays)(**{k: np.concatenate([v, getattr(contours, k)]) for k, v in vars(rays).items()})
+    return classify(joined, scene, structure, views.cameras, state.poses)
+
+
+def judge(
+    seen: Seen, found: Found, structure: Structure, tone: float, iou: float, settings: BrepSettings
+) -> Acceptance:
+    """The table of residuals and the verdict."""
+    residual = np.abs(residuals(seen, found, tone))
+    outline = seen.kind == SILHOUETTE
+    # A silhouette that is not there is a fault; an interior edge may have no contrast.
+    residual = np.where(outline & np.isnan(residual), WINDOW_PX, residual)
+    groups = np.unique(seen.rays.group)
+    table: list[dict[str, object]] = []
+    around: dict[int, list[tuple[float, int]]] = {}
+    medians = []
+    for group, name in zip(groups, group_names(structure, groups), strict=True):
+        mine = seen.rays.group == group
+        silhouette = residual[mine & outline]
+        inner = residual[mine & ~outline & np.isfinite(residual)]
+        median = float(np.median(silhouette)) if len(silhouette) >= _LEAST_SEEN else None
+        table.append(
+            {
+                "name": name,
+                "silhouettes": len(silhouette),
+                "silhouette_px": median,
+                "creases": int((mine & (seen.kind == CREASE)).sum()),
+                "interior": len(inner),
+                "interior_px": float(np.median(inner)) if len(inner) >= _LEAST_SEEN else None,
+            }
+        )
+        if median is not None:
+            medians.append(median)
+        edge = structure.edges[group].faces if group < len(structure.edges) else (group - len(structure.edges),)
+        for face in edge:
+            around.setdefault(int(face), []).append((median if median is not None else 0.0, int(mine.sum())))
+    faces: list[dict[str, object]] = [
+        {
+            "face": i,
+            "seen": sum(n for _, n in around.get(i, [])),
+            "silhouette_px": max((m for m, _ in around.get(i, [])), default=None),
+        }
+        for i in range(len(structure.faces))
+    ]
+    worst = max(medians, default=float("nan"))
+    good = bool(worst < settings.accept_silhouette_px and iou > settings.accept_iou)
+    return Acceptance(worst, iou, good, table, faces)

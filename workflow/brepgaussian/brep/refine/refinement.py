@@ -1,0 +1,215 @@
+"""All surfaces together against the images: the outer loop."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, watch
+from brepgaussian.brep.refine.constraints import Row, Tie, Tolerances, detect, tangent_rows, tie_rows
+from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
+from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
+from brepgaussian.brep.refine.parameters import recentre
+from brepgaussian.brep.refine.solve import Prior, State, residuals, step
+from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, masks_iou
+from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.settings.brep import BrepSettings
+
+Array = NDArray[np.float64]
+
+# Search windows (silhouettes, interior edges) in px, one iteration each; the last is repeated until it settles.
+_WINDOWS = ((12.0, 6.0), (6.0, 4.0), (3.0, 3.0), (2.0, 2.0))
+_MOST_LAST = 3
+_SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
+_POSE_PX = 0.1  # median silhouette residual above which poses are freed
+_POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
+# Regularities of the refined surfaces: the images tell directions and lengths at least this well.
+SNAP = Tolerances(angle=np.radians(0.05), cone_angle=np.radians(0.1), length=2e-4)
+
+
+@dataclass(frozen=True)
+class RefineResult:
+    """Outcome of the refinement.
+
+    Attributes:
+        surfaces: refined surfaces, in the order given; the start where that was better.
+        silhouette_px, mask_iou, accepted: the acceptance test of the result.
+        mesh: its triangulation.
+        structure: its structure (polylines and vertices moved).
+        acceptance: with residuals per edge and face.
+        before: the acceptance test of the start.
+        poses: (V, 3) image corrections du, dv (px), roll (rad); zero unless poses were freed.
+        report: JSON-able summary.
+    """
+
+    surfaces: tuple[Surface, ...]
+    silhouette_px: float
+    mask_iou: float
+    accepted: bool
+    mesh: FaceMesh
+    structure: Structure
+    acceptance: Acceptance
+    before: Acceptance
+    poses: Array
+    report: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class _Run:
+    """The inputs and the present solid."""
+
+    structure: Structure
+    mesh: FaceMesh
+    state: State
+    prior: Prior
+    views: Views
+    images: Images
+    limit: int
+
+    def moved(self, state: State) -> "_Run":
+        """With surfaces moved, and mesh and structure behind them."""
+        structure = move_structure(self.structure, state.surfaces)
+        return replace(self, state=state, structure=structure, mesh=follow(self.mesh, self.structure, state.surfaces))
+
+    def observe(self, window: float, interior: float) -> tuple[Seen, Found]:
+        """Measure all edges."""
+        seen = watch(self.mesh, Scene(self.mesh), self.structure, self.state, self.views, self.limit)
+        return seen, measure(self.images, seen, window, interior)
+
+    def test(self, settings: BrepSettings) -> Acceptance:
+        """The acceptance test."""
+        seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
+        iou = masks_iou(Scene(self.mesh), self.views.cameras, self.views.alpha, self.state.poses)
+        return judge(seen, found, self.structure, self.state.tone, iou, settings)
+
+
+def refine(
+    structure: Structure,
+    mesh: FaceMesh,
+    surfaces: Sequence[Surface],
+    views: Views,
+    settings: BrepSettings,
+) -> RefineResult:
+    """Refine all surfaces of a solid together, its topology kept.
+
+    Args:
+        structure: edges, faces and vertices of the solid by surface (`brep.structure.extract`).
+        mesh: triangulation of the same solid (`mesh.from_solid`).
+        surfaces: the surfaces that `structure` names; a surface that no face uses stays as it is.
+        views: images and cameras.
+        settings: prior, limits, switches.
+
+    Returns:
+        The refined surfaces with the acceptance test; never worse than the start by that test.
+    """
+    clock = time.perf_counter()
+    anchored = tuple(_anchored(structure, mesh, surfaces))
+    prior = Prior(anchored, np.radians(settings.refine_angle_deg), settings.refine_length)
+    state = State(anchored, 0.0, np.zeros((len(views.cameras), 3)))
+    start = _Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
+    before = start.test(settings)
+    run = _descend(start, [], _WINDOWS, False)
+    freed = False
+    if settings.refine_poses and _typical(run) > _POSE_PX:
+        other = _descend(run, [], _WINDOWS[1:], True)
+        if _typical(other) < _POSE_GAIN * _typical(run):
+            run, freed = other, True
+    used = sorted({f.surface for f in structure.faces if f.surface >= 0})
+    ties = detect(run.state.surfaces, used, SNAP)
+    run = _descend(run, ties, _WINDOWS[-1:], freed)
+    after = run.test(settings)
+    kept = not _worse(after, before)
+    result, verdict = (run, after) if kept else (start, before)
+    report = {
+        "kept": kept,
+        "seconds": round(time.perf_counter() - clock, 2),
+        "silhouette_px_before": _number(before.silhouette_px),
+        "mask_iou_before": before.mask_iou,
+        "tone_px": result.state.tone,
+        "poses_freed": freed and kept,
+        "relations": [[t.kind, t.first, t.second] for t in ties],
+        "largest_move": _largest_move(start.mesh, result.mesh),
+        "image_noise": start.images.noise,
+        "edges": verdict.edges,
+        "faces": verdict.faces,
+    }
+    return RefineResult(
+        surfaces=result.state.surfaces if kept else tuple(surfaces),
+        silhouette_px=verdict.silhouette_px,
+        mask_iou=verdict.mask_iou,
+        accepted=verdict.accepted,
+        mesh=result.mesh,
+        structure=result.structure,
+        acceptance=verdict,
+        before=before,
+        poses=result.state.poses,
+        report=report,
+    )
+
+
+def _descend(run: _Run, ties: Sequence[Tie], windows: Sequence[tuple[float, float]], free_poses: bool) -> _Run:
+    """Iterate over the search windows, the last one until the step is small."""
+    schedule = [*windows, *([windows[-1]] * _MOST_LAST)]
+    for number, (window, interior) in enumerate(schedule):
+        seen, found = run.observe(window, interior)
+        rows: list[Row] = [*tangent_rows(run.structure, run.state.surfaces), *tie_rows(ties, run.state.surfaces)]
+        result = step(run.state, run.prior, seen, found, run.structure, run.views.cameras, rows, free_poses)
+        run = run.moved(result.state)
+        if number >= len(windows) and result.largest < _SETTLED:
+            break
+    return run
+
+
+def _typical(run: _Run) -> float:
+    """Median |silhouette residual| in px."""
+    seen, found = run.observe(WINDOW_PX, WINDOW_PX / 2)
+    outline = np.abs(residuals(seen, found, run.state.tone)[seen.kind == SILHOUETTE])
+    outline = outline[np.isfinite(outline)]
+    return float(np.median(outline)) if len(outline) else 0.0
+
+
+def move_structure(structure: Structure, surfaces: Sequence[Surface]) -> Structure:
+    """Edges' polylines and vertices onto moved surfaces."""
+    edges = []
+    for edge in structure.edges:
+        known = sorted({s for s in edge.surfaces if s >= 0})
+        table = np.tile(np.array([known], np.int64).reshape(1, -1), (len(edge.polyline), 1))
+        edges.append(replace(edge, polyline=slave(edge.polyline, table, surfaces)) if known else edge)
+    vertices = []
+    for vertex in structure.vertices:
+        known = [s for s in vertex.surfaces if s >= 0]
+        point = slave(vertex.point[None], np.array([known], np.int64), surfaces)[0] if known else vertex.point
+        vertices.append(replace(vertex, point=point))
+    return replace(structure, edges=tuple(edges), vertices=tuple(vertices))
+
+
+def _anchored(structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface]) -> list[Surface]:
+    """Every surface with its reference point beside its faces."""
+    owner = np.array([f.surface for f in structure.faces], np.int64)[mesh.face]
+    result = []
+    for index, surface in enumerate(surfaces):
+        triangles = mesh.triangles[owner == index]
+        result.append(recentre(surface, mesh.vertices[np.unique(triangles)]) if len(triangles) else surface)
+    return result
+
+
+def _worse(after: Acceptance, before: Acceptance) -> bool:
+    """Whether the test likes the start better: a lost acceptance, or both figures worse."""
+    if before.accepted != after.accepted:
+        return before.accepted
+    if not np.isfinite(after.silhouette_px) or not np.isfinite(before.silhouette_px):
+        return after.mask_iou < before.mask_iou
+    return after.silhouette_px > before.silhouette_px and after.mask_iou < before.mask_iou
+
+
+def _largest_move(before: FaceMesh, after: FaceMesh) -> float:
+    return float(np.linalg.norm(after.vertices - before.vertices, axis=1).max(initial=0.0))
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

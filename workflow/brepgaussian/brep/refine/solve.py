@@ -1,0 +1,219 @@
+"""One Gauss-Newton step of all surfaces: robust weights, dense normal equations, prior, constraints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.brep.refine.constraints import Row
+from brepgaussian.brep.refine.observe import Found
+from brepgaussian.brep.refine.parameters import COUNT, derivative, difference, prior_sigmas, update
+from brepgaussian.brep.refine.samples import pose_rows
+from brepgaussian.brep.refine.visibility import KINDS, SILHOUETTE, Seen
+from brepgaussian.brep.structure import CONCAVE, Structure
+from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.geometry.surfaces import Surface
+
+Array = NDArray[np.float64]
+
+_TUKEY = 4.685  # cut-off of Tukey's weight in robust standard deviations: 95 % efficiency
+_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation
+_REWEIGHTINGS = 4  # per linearisation
+_CONCAVE_SIGMA = 0.5  # px: light between two faces shifts concave edges by a quarter to half a pixel
+_ROW_SIGMA = 1e-7  # of constraints (radians, unit frame): as good as exact beside 1e-5 from the images
+_TONE_SIGMA = 0.3  # px, prior of the tone coefficient
+POSE_SIGMA = (1.0, 1.0, 2e-3)  # prior of a pose correction: px, px, rad
+
+
+@dataclass(frozen=True)
+class State:
+    """What is solved for.
+
+    Attributes:
+        surfaces: all surfaces.
+        tone: px by which the brighter side of a full black-white step seems to grow.
+        poses: (V, 3) image corrections du, dv (px), roll (rad).
+    """
+
+    surfaces: tuple[Surface, ...]
+    tone: float
+    poses: Array
+
+
+@dataclass(frozen=True)
+class Prior:
+    """The state that the points gave, and how far it is trusted (rad, unit frame)."""
+
+    surfaces: tuple[Surface, ...]
+    angle: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """Outcome of one step.
+
+    Attributes:
+        state: the new state.
+        largest: largest parameter step over its prior sigma.
+    """
+
+    state: State
+    largest: float
+
+
+def residuals(seen: Seen, found: Found, tone: float) -> Array:
+    """(R,) px from the predicted edge to the measured one, less the tone's share."""
+    return found.offset - tone * tone_column(found)
+
+
+def tone_column(found: Found) -> Array:
+    """(R,) how much of the tone coefficient an edge sees: +-1 for interior steps, 0 for silhouettes."""
+    return np.sign(found.step)
+
+
+def step(
+    state: State,
+    prior: Prior,
+    seen: Seen,
+    found: Found,
+    structure: Structure,
+    cameras: Cameras,
+    rows: Sequence[Row],
+    free_poses: bool,
+) -> Step:
+    """Solve the linearised problem with iterated Tukey weights and move the surfaces."""
+    start = np.concatenate([[0], np.cumsum([COUNT[s.kind] for s in state.surfaces])]).astype(int)
+    tone_at, pose_at = start[-1], start[-1] + 1
+    size = pose_at + (3 * len(cameras) if free_poses else 0)
+    used = np.nonzero(np.isfinite(found.offset))[0]
+    problem = _Problem(state, seen, found, used, start, cameras, size, free_poses)
+    fixed, target = _fixed_rows(state, prior, start, size, rows, free_poses)
+    offset = residuals(seen, found, state.tone)[used]
+    sigma = _sigmas(seen, found, structure)[used]
+    kind = seen.kind[used]
+    delta, matrix = np.zeros(size), fixed
+    for _ in range(_REWEIGHTINGS):
+        now = offset - problem.predict(delta)
+        weight = _weights(now / sigma, kind) / sigma**2
+        matrix, right = problem.normal(weight, offset)
+        matrix += fixed
+        delta = np.linalg.solve(matrix, right + target)
+    surfaces = tuple(update(s, delta[a:b]) for s, a, b in zip(state.surfaces, start[:-1], start[1:], strict=True))
+    poses = state.poses + (delta[pose_at:].reshape(-1, 3) if free_poses else 0.0)
+    scale = np.concatenate([prior_sigmas(s.kind, prior.angle, prior.length) for s in state.surfaces])
+    largest = float(np.abs(delta[: start[-1]] / scale).max(initial=0.0))
+    return Step(State(surfaces, state.tone + delta[tone_at], poses), largest)
+
+
+def _sigmas(seen: Seen, found: Found, structure: Structure) -> Array:
+    """Expected errors, wider for concave edges seen as an interior step."""
+    concave = np.array([e.convexity == CONCAVE for e in structure.edges] + [False] * len(structure.faces))
+    inner = concave[seen.rays.group] & (seen.kind != SILHOUETTE)
+    return np.where(inner, np.maximum(found.sigma, _CONCAVE_SIGMA), found.sigma)
+
+
+def _weights(z: Array, kind: NDArray) -> Array:
+    """Tukey weights of normalised residuals divided by the robust scale (at least 1) of their kind."""
+    weight = np.zeros(len(z))
+    for which in range(len(KINDS)):
+        rows = kind == which
+        if rows.any():
+            scale = max(1.0, _TO_SIGMA * float(np.median(np.abs(z[rows]))))
+            reach = np.clip(1 - (z[rows] / (_TUKEY * scale)) ** 2, 0, None)
+            weight[rows] = reach**2 / scale**2
+    return weight
+
+
+class _Problem:
+    """Linear model of the offsets, in blocks of rows that share their surfaces."""
+
+    def __init__(
+        self,
+        state: State,
+        seen: Seen,
+        found: Found,
+        used: NDArray,
+        start: NDArray,
+        cameras: Cameras,
+        size: int,
+        free_poses: bool,
+    ) -> None:
+        rays = seen.rays.take(used)
+        self._size, self._start, self._free = size, start, free_poses
+        self._tone = tone_column(found)[used]
+        self._view, self._pose = rays.view, pose_rows(rays, cameras)
+        pairs, inverse = np.unique(rays.table, axis=0, return_inverse=True)
+        self._blocks: list[tuple[NDArray, NDArray, Array]] = []  # rows, columns, derivatives
+        order = np.argsort(inverse.reshape(-1), kind="stable")
+        ends = np.cumsum(np.bincount(inverse.reshape(-1), minlength=len(pairs)))
+        for pair, low, high in zip(pairs, np.concatenate([[0], ends[:-1]]), ends, strict=True):
+            rows = order[low:high]
+            columns, parts = [], []
+            for k, index in enumerate(pair):
+                if index >= 0:
+                    slope = derivative(state.surfaces[index], rays.points[rows])
+                    parts.append(-rays.lever[rows, k, None] * slope)
+                    columns.append(np.arange(start[index], start[index + 1]))
+            columns.append(start[-1:])
+            parts.append(self._tone[rows, None])
+            self._blocks.append((rows, np.concatenate(columns), np.concatenate(parts, axis=1)))
+
+    def predict(self, delta: Array) -> Array:
+        """(R,) change of the predicted offsets by a step."""
+        result = np.zeros(len(self._tone))
+        for rows, columns, slope in self._blocks:
+            result[rows] = slope @ delta[columns]
+        if self._free:
+            result += np.einsum("rk,rk->r", self._pose, delta[self._start[-1] + 1 :].reshape(-1, 3)[self._view])
+        return result
+
+    def normal(self, weight: Array, offset: Array) -> tuple[Array, Array]:
+        """J^T W J and J^T W r."""
+        matrix, right = np.zeros((self._size, self._size)), np.zeros(self._size)
+        first = self._start[-1] + 1
+        for rows, columns, slope in self._blocks:
+            weighted = slope * weight[rows, None]
+            matrix[np.ix_(columns, columns)] += slope.T @ weighted
+            right[columns] += weighted.T @ offset[rows]
+            if self._free:
+                for k in range(3):
+                    cross = np.zeros((matrix.shape[0] - first) // 3 * len(columns)).reshape(-1, len(columns))
+                    np.add.at(cross, self._view[rows], weighted * self._pose[rows, k, None])
+                    matrix[np.ix_(first + k + 3 * np.arange(len(cross)), columns)] += cross
+        if self._free:
+            matrix[:first, first:] = matrix[first:, :first].T
+            views = (self._size - first) // 3
+            for k in range(3):
+                at = first + k + 3 * np.arange(views)
+                right[at] += np.bincount(self._view, weight * self._pose[:, k] * offset, views)
+                for m in range(3):
+                    product = np.bincount(self._view, weight * self._pose[:, k] * self._pose[:, m], views)
+                    matrix[at, first + m + 3 * np.arange(views)] += product
+        return matrix, right
+
+
+def _fixed_rows(
+    state: State, prior: Prior, start: NDArray, size: int, rows: Sequence[Row], free_poses: bool
+) -> tuple[Array, Array]:
+    """Normal equations of prior and constraints."""
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    for index, (now, before) in enumerate(zip(state.surfaces, prior.surfaces, strict=True)):
+        span = np.arange(start[index], start[index + 1])
+        weight = prior_sigmas(now.kind, prior.angle, prior.length) ** -2.0
+        matrix[span, span] += weight
+        right[span] -= weight * difference(before, now)
+    matrix[start[-1], start[-1]] += _TONE_SIGMA**-2
+    right[start[-1]] -= _TONE_SIGMA**-2 * state.tone
+    if free_poses:
+        span = np.arange(start[-1] + 1, size)
+        weight = np.tile(np.array(POSE_SIGMA) ** -2.0, len(state.poses))
+        matrix[span, span] += weight
+        right[span] -= weight * state.poses.reshape(-1)
+    for columns, value in rows:
+        at = np.concatenate([np.arange(start[i], start[i + 1]) for i in columns])
+        slope = np.concatenate(list(columns.values())) / _ROW_SIGMA
+        matrix[np.ix_(at, at)] += np.outer(slope, slope)
+        right[at] -= slope * (value / _ROW_SIGMA)
+    return matrix, right
