@@ -12,6 +12,7 @@ MINIMUM_VIEWS = 8  # below this no surface is seen by enough views
 OPAQUE = 128  # of 255; silhouettes are cut here
 _ORTHONORMAL_TOLERANCE = 1e-3  # of a rotation's rows; poses are published with 4 digits or more
 _CUT_SHARE = 0.5  # of the views in which the object may touch the border of the image
+TRUTH_IOU = 0.97  # of silhouettes; a truth that fits gives .999, one of another object or frame far less
 
 
 def check_pose(pose: NDArray[np.float64], file: Path, view: str) -> None:
@@ -71,3 +72,20 @@ def check_silhouettes(views: Views, path: str | Path) -> None:
             file=path,
             fix="move the cameras back or use wider images, so that the whole object is seen",
         )
+
+
+def check_fit(views: Views, face_ids: NDArray[np.int16], file: Path) -> float:
+    """Check that a truth, seen as (V, H, W) `face_ids`, covers the silhouettes; gives their IoU.
+
+    Raises:
+        InputError: it does not: another object, frame or unit.
+    """
+    covered, seen = views.alpha >= OPAQUE, face_ids >= 0
+    iou = float((covered & seen).sum() / max(1, (covered | seen).sum()))
+    if iou < TRUTH_IOU:
+        raise InputError(
+            f"does not fit the silhouettes (IoU {iou:.3f})",
+            file=file,
+            fix="give the truth of this very object, in the world frame and unit of the cameras",
+        )
+    return iou

@@ -37,6 +37,23 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         raise InputError(f"cannot be decoded ({error})", file=path, fix="copy or export the image again") from error
 
 
+def read_size(path: Path) -> tuple[int, int]:
+    """Width and height of an image.
+
+    Raises:
+        InputError: the file is missing or no image.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    if not path.is_file():
+        raise InputError("does not exist", file=path, fix="add the image or remove its camera")
+    try:
+        with Image.open(path) as image:
+            return image.size
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+        raise InputError(f"cannot be decoded ({error})", file=path, fix="copy or export the image again") from error
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object.
 

@@ -13,7 +13,7 @@ from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.log import get_logger
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.views.abc_nef_layout import ABC_NEF, EMAP, find_truth, is_abc_nef
-from brepgaussian.views.checks import check_intrinsics, check_pose
+from brepgaussian.views.checks import check_fit, check_intrinsics, check_pose
 from brepgaussian.views.images import check_size, find_mask, read_image, read_json, read_rgba, resolve_image
 from brepgaussian.views.poses import cam_from_world, opencv_from_opengl
 from brepgaussian.views.source import Loaded, chosen_views
@@ -21,8 +21,6 @@ from brepgaussian.views.source import Loaded, chosen_views
 LOG = get_logger("views")
 # Both layouts state the principal point for integer pixel indices.
 PIXEL_CENTER = 0.5
-_TRUTH_IOU = 0.97  # of silhouettes; a truth that fits gives .9999, one of another object or frame far less
-_OPAQUE = 128
 
 
 @dataclass(frozen=True)
@@ -159,13 +157,5 @@ def _truth(views: Views, folder: Path, root: str, settings: ViewsSettings, threa
         return None
     truth = read_abc_truth(files, settings)
     ids = face_ids(truth.mesh_vertices, truth.mesh_triangles, truth.triangle_face, views.cameras, threads)
-    covered, seen = views.alpha >= _OPAQUE, ids >= 0
-    iou = float((covered & seen).sum() / max(1, (covered | seen).sum()))
-    LOG.info("silhouettes of the truth and of the images: IoU %.5f", iou)
-    if iou < _TRUTH_IOU:
-        raise InputError(
-            f"does not fit the silhouettes (IoU {iou:.3f})",
-            file=files.mesh,
-            fix="give the truth of this very object",
-        )
+    LOG.info("silhouettes of the truth and of the images: IoU %.5f", check_fit(views, ids, files.mesh))
     return replace(truth, face_ids=ids)
