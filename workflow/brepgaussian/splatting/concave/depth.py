@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.splatting.concave.openings import BACKGROUND, UNSEEN, WALL, Stack
+from brepgaussian.splatting.concave.openings import BACKGROUND, LID, UNSEEN, WALL, Stack
 from brepgaussian.splatting.concave.prism import Prism
 
 Array = NDArray[np.float64]
@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 _SECTORS = 16  # directions of the wall that a ray meets; each has its own grey
 _SECTOR_RAYS = 30  # fewer say nothing about a sector
 _SHALLOW_SHARE = 0.15  # of a sector's rays, those that leave first, surely meet its wall
+_WALL_SHARE = 0.65  # of those, if the wall differs from the lid's grey all along the sector
 _LEAST_RAYS = 100
 _MARCH_STEPS = 80
 _LEAST_SIDEWAYS = 1e-3  # a ray straight down never leaves
-_THROUGH_SHARE = 0.5  # of the rays that pass all walls: then they show background
 
 
 def measure(stack: Stack, outline: NDArray[np.bool_], centers: Array) -> Prism | None:
@@ -34,21 +34,28 @@ def measure(stack: Stack, outline: NDArray[np.bool_], centers: Array) -> Prism |
     exits, sectors, shown = _rays(stack, outline, centers)
     told = np.isin(sectors, _informative(exits, sectors, shown))
     exits, shown = exits[told], shown[told]
-    if len(exits) < _LEAST_RAYS:
+    # rays of the lid's grey show the floor of a blind concavity, but in one that goes through they show a
+    # stretch of wall that happens to have that grey
+    fits = [(_threshold(exits, shown, floor), floor == BACKGROUND) for floor in (LID, BACKGROUND)]
+    told_fits = [(fit, through) for fit, through in fits if fit is not None]
+    if not told_fits:
         return None
-    order = np.argsort(exits, kind="stable")
-    exits, shown = exits[order], shown[order]
-    wall = shown == WALL
+    (depth, error), through = min(told_fits, key=lambda item: item[0][1])
+    return Prism(stack.lattice, outline, depth, through, error)
+
+
+def _threshold(exits: Array, shown: NDArray[np.uint8], floor: int) -> tuple[float, float] | None:
+    """The depth that best parts walls from floors, and the balanced share of rays against it."""
+    used = (shown == WALL) | (shown == floor)
+    order = np.argsort(exits[used], kind="stable")
+    exits, wall = exits[used][order], (shown[used] == WALL)[order]
     walls, floors = int(wall.sum()), int((~wall).sum())
-    if not walls or not floors:
+    if min(walls, floors) < _LEAST_RAYS:
         return None
     # shallower than the k-th exit: walls that leave deeper, and floors that leave before, contradict
     cost = (walls - np.cumsum(wall)) / walls + np.cumsum(~wall) / floors
     best = int(cost.argmin())
-    beyond = shown[best + 1 :]
-    passing = beyond[beyond != WALL]
-    through = len(passing) > 0 and float(np.mean(passing == BACKGROUND)) > _THROUGH_SHARE
-    return Prism(stack.lattice, outline, float(exits[best]), bool(through), float(cost[best] / 2))
+    return float(exits[best]), float(cost[best] / 2)
 
 
 def _informative(exits: Array, sectors: NDArray[np.int64], shown: NDArray[np.uint8]) -> list[int]:
@@ -58,7 +65,7 @@ def _informative(exits: Array, sectors: NDArray[np.int64], shown: NDArray[np.uin
         member = sectors == sector
         if member.sum() >= _SECTOR_RAYS:
             shallow = member & (exits <= np.quantile(exits[member], _SHALLOW_SHARE))
-            if np.mean(shown[shallow] == WALL) > 0.5:
+            if np.mean(shown[shallow] == WALL) > _WALL_SHARE:
                 found.append(sector)
     return found
 

@@ -19,7 +19,7 @@ _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
 _PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
-_MAXIMUM_ERROR = 0.2  # balanced share of rays against the depth: .03-.13 on true pockets, .5 is chance
+_MAXIMUM_ERROR = 0.16  # balanced share of rays against the depth: .00-.13 on true ones, .5 is chance
 
 logger = log.get_logger("stage1")
 
