@@ -1,6 +1,6 @@
 """Sub-pixel positions of edges in the images, along profiles across their predicted place."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ _PLATEAU = 1.0  # px beyond that over which the levels on either side are averag
 _BLUR = 1.0  # px, of the derivative of a Gaussian
 _LEAST_STEP = 2.0  # grey levels below which an interior edge is not seen
 _OPAQUE = 0.98  # alpha of a pixel that is safely inside the object
+_MARGIN = 24  # px around the silhouettes
+_VIEWS_FOR_NOISE = 8
 SILHOUETTE_SIGMA = 0.02  # px
 HARD_MASK_SIGMA = 0.2  # px, where the silhouettes are not antialiased
 INTERIOR_SIGMA = 0.1  # px, at any contrast
@@ -30,13 +32,15 @@ class Images:
     """Images ready for profiles.
 
     Attributes:
-        alpha, luminance: (V, H, W) float32, 0..1 and grey levels.
+        alpha, luminance: (V, h, w) float32, 0..1 and grey levels, cropped to what the silhouettes need.
+        corner: (2,) column and row of the crop's first pixel.
         noise: standard deviation of a pixel's grey level.
         silhouette_sigma: expected error of a silhouette's position, px.
     """
 
     alpha: NDArray[np.float32]
     luminance: NDArray[np.float32]
+    corner: Array
     noise: float
     silhouette_sigma: float
 
@@ -58,18 +62,30 @@ class Found:
 
 def prepare(views: Views) -> Images:
     """Convert the images once, and estimate their noise and how soft their silhouettes are."""
-    alpha = views.alpha.astype(np.float32) / np.float32(255)
-    luminance = views.luminance.astype(np.float32)
-    soft = int(((views.alpha > 8) & (views.alpha < 247)).sum())
-    hard = int((np.abs(np.diff(views.alpha.astype(np.int16), axis=2)) > 239).sum())
-    return Images(alpha, luminance, _noise(luminance, alpha), SILHOUETTE_SIGMA if soft > hard else HARD_MASK_SIGMA)
+    rows, columns = _extent(views.alpha.max(axis=(0, 2))), _extent(views.alpha.max(axis=(0, 1)))
+    alpha = views.alpha[:, rows, columns]
+    luminance = replace(views, rgb=views.rgb[:, rows, columns]).luminance.astype(np.float32)
+    few = slice(None, None, max(1, len(alpha) // _VIEWS_FOR_NOISE))
+    soft = int(((alpha[few] > 8) & (alpha[few] < 247)).sum())
+    hard = int((np.abs(np.diff(alpha[few].astype(np.int16), axis=2)) > 239).sum())
+    corner = np.array([columns.start, rows.start], float)
+    noise = _noise(luminance[few], alpha[few] >= _OPAQUE * 255)
+    sigma = SILHOUETTE_SIGMA if soft > hard else HARD_MASK_SIGMA
+    return Images(alpha.astype(np.float32) / np.float32(255), luminance, corner, noise, sigma)
 
 
-def _noise(luminance: NDArray[np.float32], alpha: NDArray[np.float32]) -> float:
+def _extent(present: NDArray[np.uint8]) -> slice:
+    """Where a profile of the alphas along one axis is not empty, with a margin for searches."""
+    found = np.flatnonzero(present)
+    if len(found) == 0:
+        return slice(0, len(present))
+    return slice(max(int(found[0]) - _MARGIN, 0), int(found[-1]) + 1 + _MARGIN)
+
+
+def _noise(luminance: NDArray[np.float32], opaque: NDArray[np.bool_]) -> float:
     """Median absolute second difference along rows inside the object, as a standard deviation."""
     found = []
-    for view in range(len(alpha)):
-        inside = alpha[view] > _OPAQUE
+    for view, inside in enumerate(opaque):
         triple = inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:]
         image = luminance[view]
         found.append(np.abs(image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:])[triple])
@@ -96,18 +112,21 @@ def measure(images: Images, seen: Seen, window: float, interior_window: float) -
 
 def profiles(
     images: NDArray[np.float32], view: NDArray, pixel: Array, normal: Array, offsets: NDArray[np.floating]
-) -> Array:
-    """(R, S) bilinear samples of (V, H, W) images at pixel + offset * normal; borders are repeated."""
+) -> NDArray[np.float32]:
+    """(R, S) bilinear samples of (V, h, w) images at pixel + offset * normal; borders are repeated."""
     height, width = images.shape[1:]
     x = np.clip(pixel[:, :1] + offsets * normal[:, :1] - 0.5, 0, width - 1.001)
     y = np.clip(pixel[:, 1:] + offsets * normal[:, 1:] - 0.5, 0, height - 1.001)
-    column, row = x.astype(np.int64), y.astype(np.int64)
-    fx, fy = x - column, y - row
+    column, row = x.astype(np.int32), y.astype(np.int32)
+    fx, fy = (x - column).astype(np.float32), (y - row).astype(np.float32)
     at = (view[:, None] * height + row) * width + column
     flat = images.reshape(-1)
-    top = flat[at] * (1 - fx) + flat[at + 1] * fx
-    bottom = flat[at + width] * (1 - fx) + flat[at + width + 1] * fx
-    return top * (1 - fy) + bottom * fy
+    top = flat[at]
+    top += (flat[at + 1] - top) * fx
+    at += width
+    bottom = flat[at]
+    bottom += (flat[at + 1] - bottom) * fx
+    return top + (bottom - top) * fy
 
 
 def _silhouettes(images: Images, rays: Rays, window: float) -> Array:
@@ -115,7 +134,9 @@ def _silhouettes(images: Images, rays: Rays, window: float) -> Array:
     half = round(_HALF / _STEP)
     reach = round(window / _STEP) + half
     offsets = np.arange(-reach, reach + 1) * _STEP
-    alpha = profiles(images.alpha, rays.view, rays.pixel, rays.normal, offsets)  # object on the negative side
+    alpha = profiles(
+        images.alpha, rays.view, rays.pixel - images.corner, rays.normal, offsets
+    )  # object on the negative side
     crossing = (alpha[:, :-1] >= 0.5) & (alpha[:, 1:] < 0.5)
     crossing[:, :half], crossing[:, 2 * reach - half :] = False, False
     distance = np.where(crossing, np.abs(offsets[:-1]), np.inf)
@@ -137,8 +158,8 @@ def _steps(images: Images, rays: Rays, window: float) -> tuple[Array, Array]:
     search = max(1, round(window / _COARSE))
     reach = search + max(span, blur)
     offsets = np.arange(-reach, reach + 1) * _COARSE
-    profile = profiles(images.luminance, rays.view, rays.pixel, rays.normal, offsets)
-    opaque = profiles(images.alpha, rays.view, rays.pixel, rays.normal, offsets) > _OPAQUE
+    profile = profiles(images.luminance, rays.view, rays.pixel - images.corner, rays.normal, offsets)
+    opaque = profiles(images.alpha, rays.view, rays.pixel - images.corner, rays.normal, offsets) > _OPAQUE
     taps = np.arange(-blur, blur + 1) * _COARSE
     kernel = taps / _BLUR**2 * np.exp(-0.5 * (taps / _BLUR) ** 2)
     kernel /= np.abs(kernel).sum() / 2  # an ideal step answers with its height

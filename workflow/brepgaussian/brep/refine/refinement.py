@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 # Search windows (silhouettes, interior edges) in px, one iteration each; the last is repeated until it settles.
 _WINDOWS = ((12.0, 6.0), (6.0, 4.0), (3.0, 3.0), (2.0, 2.0))
 _MOST_LAST = 3
+_WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
@@ -77,8 +78,9 @@ class _Run:
         return replace(self, state=state, structure=structure, mesh=follow(self.mesh, self.structure, state.surfaces))
 
     def observe(self, window: float, interior: float) -> tuple[Seen, Found]:
-        """Measure all edges."""
-        seen = watch(self.mesh, Scene(self.mesh), self.structure, self.state, self.views, self.limit)
+        """Measure all edges; a wide search needs fewer samples."""
+        limit = self.limit if window <= _WINDOWS[-1][0] else self.limit // _WIDE_SHARE
+        seen = watch(self.mesh, Scene(self.mesh), self.structure, self.state, self.views, limit)
         return seen, measure(self.images, seen, window, interior)
 
     def test(self, settings: BrepSettings) -> Acceptance:

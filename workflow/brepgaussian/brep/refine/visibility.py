@@ -27,8 +27,8 @@ class Scene:
     def __init__(self, mesh: FaceMesh) -> None:
         import open3d as o3d
 
-        self._tensor: Any = o3d.core.Tensor  # its stubs know no arrays
-        self._mesh = mesh
+        core: Any = o3d.core  # its stubs know no arrays
+        self._tensor, self._mesh = core.Tensor, mesh
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         vertices, triangles = mesh.vertices.astype(np.float32), mesh.triangles.astype(np.uint32)
         self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles))
