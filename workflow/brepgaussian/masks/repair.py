@@ -1,0 +1,210 @@
+"""Patch masks that mean the same face in every view: labelled surface samples projected back, borders from the image.
+
+A raw projection of labels is never exact: samples are noisy and sparse, and one wrong pixel moves a border. So each
+label's projection is eroded to a marker that is surely inside the face, and the markers grow over the luminance steps
+of the image until they meet (marker-based watershed). Where the image shows no step, the border stays where the
+samples put it.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+from skimage.segmentation import watershed
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.errors import StageError
+from brepgaussian.masks.steps import Crop, crop, step_strength
+
+_FACING = 0.05  # cosine under which a sample is seen too obliquely to say which face a pixel shows
+_SPLAT = 1.5  # a sample hides what lies behind it within so many sample spacings
+_VOTERS = 5  # samples that decide a pixel's label, the nearest ones
+_MARGIN_SPACINGS = 1.5  # projected borders are off by up to so many sample spacings ...
+_MARGIN_PX = 2.0  # ... and so many pixels
+_WIDTH_SHARE = 0.5  # a marker keeps at least the inner part of a thin region's half width
+_RADIUS_PX = 2  # of the half-disks: small, borders are wanted sharp
+_PRIOR_STEP = 1.5  # grey levels: image steps below do not move a projected border
+_PRIOR_NOISE = 1.0  # the same per standard deviation of the image noise
+_MINIMUM_SAMPLES = 3  # a label seen by fewer samples is not in the view
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Labelled samples of the surface.
+
+    Attributes:
+        xyz: (N, 3) positions, unit frame.
+        normals: (N, 3) outward unit normals.
+        label: (N,) integer face labels, negative = unlabelled.
+        spacing: typical distance between neighbours, unit frame.
+    """
+
+    xyz: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    label: NDArray[np.int64]
+    spacing: float
+
+
+def repair(
+    views: Views,
+    xyz: NDArray[np.floating],
+    normals: NDArray[np.floating],
+    label: NDArray[np.integer],
+    threads: int = 1,
+) -> NDArray[np.int16]:
+    """Project labelled surface samples into all views and let the image place the borders.
+
+    Args:
+        views: images, silhouettes and cameras.
+        xyz: (N, 3) sample positions, unit frame.
+        normals: (N, 3) outward unit normals.
+        label: (N,) label per sample, negative = unlabelled (hides what lies behind, but marks nothing).
+        threads: views worked on at the same time.
+
+    Returns:
+        (V, H, W) int16 patch ids: label + 1, 0 off the object; the same face has the same id in every view.
+
+    Raises:
+        StageError: no sample has a label.
+    """
+    if not (np.asarray(label) >= 0).any():
+        raise StageError("no surface sample has a label", fix="check the points stage's result for this object")
+    xyz = np.asarray(xyz, np.float64)
+    distance, _ = cKDTree(xyz).query(xyz, k=min(5, len(xyz)))
+    samples = Samples(
+        xyz, np.asarray(normals, np.float64), np.asarray(label, np.int64), float(np.median(distance[:, -1])) / 1.13
+    )  # the 4th neighbour of uniform samples lies 1.13 spacings away: 4 = pi (1.13)^2
+    cv2.setNumThreads(threads)
+    luminance = views.luminance
+    patches = np.zeros(views.alpha.shape, np.int16)
+
+    def work(view: int) -> None:
+        cut = crop(luminance[view], views.alpha[view])
+        if cut is not None:
+            patches[view] = cut.paste(_repair_view(views, view, cut, samples), views.alpha.shape[1:])
+
+    with ThreadPoolExecutor(max(threads, 1)) as pool:
+        list(pool.map(work, range(len(patches))))
+    return patches
+
+
+def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArray[np.int16]:
+    pixel, seen, spacing_px = visible_samples(views, view, cut, samples)
+    raw = projected_labels(pixel, samples.label[seen], cut.inside)
+    if not raw.any():
+        return np.zeros(cut.inside.shape, np.int16)
+    margin = _MARGIN_PX + _MARGIN_SPACINGS * spacing_px
+    markers, depth = eroded_markers(raw, margin)
+    strength, _ = step_strength(cut.grey, cut.inside, _RADIUS_PX)
+    prior = max(_PRIOR_STEP, _PRIOR_NOISE * cut.noise)
+    surface = strength + prior * np.clip(1 - depth / margin, 0, 1)
+    return np.asarray(watershed(surface, markers, mask=cut.inside), np.int16)
+
+
+def visible_samples(
+    views: Views, view: int, cut: Crop, samples: Samples
+) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
+    """Samples that face a view and are not hidden behind others.
+
+    Returns:
+        (M, 2) pixel positions (x, y) in the crop, (M,) indices of these samples, and their spacing in pixels.
+    """
+    pixel, depth = views.cameras.project(view, samples.xyz)
+    pixel = pixel - [cut.box[1].start, cut.box[0].start]
+    height, width = cut.inside.shape
+    ray = samples.xyz - views.cameras.centers[view]
+    facing = -np.einsum("ij,ij->i", samples.normals, ray) / np.linalg.norm(ray, axis=1)
+    column, row = np.floor(pixel).astype(np.int64).T
+    framed = (depth > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height) & (facing > _FACING)
+    index = np.flatnonzero(framed)
+    if not len(index):
+        return np.zeros((0, 2)), index, 0.0
+    focal = float(views.cameras.intrinsics[view, :2].mean())
+    spacing_px = samples.spacing * focal / float(np.median(depth[index]))
+    buffer = np.full((height, width), np.inf, np.float32)
+    np.minimum.at(buffer, (row[index], column[index]), depth[index].astype(np.float32))
+    size = 2 * int(np.ceil(_SPLAT * spacing_px)) + 1
+    buffer = np.asarray(cv2.erode(buffer, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))), np.float32)
+    # a slanted face is deeper at the far end of the splat than at its near end
+    slant = np.sqrt(1 - np.clip(facing[index], 0, 1) ** 2) / facing[index]
+    tolerance = samples.spacing * (1 + _SPLAT * np.minimum(slant, 3.0))
+    index = index[depth[index] <= buffer[row[index], column[index]] + tolerance]
+    return pixel[index], index, spacing_px
+
+
+def projected_labels(
+    pixel: NDArray[np.float64], label: NDArray[np.int64], inside: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Label + 1 of every object pixel by the vote of its nearest labelled samples, closer ones counting more.
+
+    Args:
+        pixel: (M, 2) positions (x, y) of the visible samples.
+        label: (M,) their labels, negative = unlabelled.
+        inside: (h, w) silhouette.
+
+    Returns:
+        (h, w) int32, 0 off the object.
+    """
+    raw = np.zeros(inside.shape, np.int32)
+    names, counts = np.unique(label[label >= 0], return_counts=True)
+    used = np.isin(label, names[counts >= _MINIMUM_SAMPLES])
+    if not used.any():
+        return raw
+    pixel, label = pixel[used], label[used]
+    rows, columns = np.nonzero(inside)
+    k = min(_VOTERS, len(pixel))
+    distance, nearest = cKDTree(pixel).query(np.column_stack([columns + 0.5, rows + 0.5]), k=k)
+    distance, nearest = distance.reshape(len(rows), k), nearest.reshape(len(rows), k)
+    weight = 1 / (distance + 1)
+    voted = label[nearest]
+    same = voted[:, :, None] == voted[:, None, :]
+    votes = (same * weight[:, None, :]).sum(2)
+    raw[rows, columns] = voted[np.arange(len(rows)), votes.argmax(1)] + 1
+    return raw
+
+
+def eroded_markers(raw: NDArray[np.int32], margin: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Shrink every region from its borders with other regions, thin regions less than wide ones.
+
+    Args:
+        raw: (h, w) int32 labels, 0 = off the object (the silhouette is certain: no erosion from there).
+        margin: px.
+
+    Returns:
+        (h, w) int32 markers, 0 = open, and (h, w) float32 distance to the nearest border between regions.
+    """
+    border = np.zeros(raw.shape, bool)
+    for axis in (0, 1):
+        first, second = (raw[:-1], raw[1:]) if axis == 0 else (raw[:, :-1], raw[:, 1:])
+        differ = (first != second) & (first > 0) & (second > 0)
+        if axis == 0:
+            border[:-1] |= differ
+            border[1:] |= differ
+        else:
+            border[:, :-1] |= differ
+            border[:, 1:] |= differ
+    if not border.any():
+        return raw.copy(), np.full(raw.shape, margin, np.float32)
+    depth = np.asarray(cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    components, count = _components(raw)
+    deepest = np.zeros(count + 1, np.float32)
+    deepest[1:] = ndimage.maximum(depth, components, np.arange(1, count + 1))
+    needed = np.minimum(margin, _WIDTH_SHARE * deepest)[components]
+    return np.where((raw > 0) & (depth >= needed), raw, 0).astype(np.int32), depth
+
+
+def _components(raw: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
+    """Connected components of equal label: (h, w) int32 from 1 and their number."""
+    components = np.zeros(raw.shape, np.int32)
+    count = 0
+    for value, box in enumerate(ndimage.find_objects(raw), start=1):
+        if box is None:
+            continue
+        labels, found = ndimage.label(raw[box] == value)
+        components[box][labels > 0] = labels[labels > 0] + count
+        count += found
+    return components, count
