@@ -63,16 +63,14 @@ def evaluate(face: Any, parameters: Array) -> tuple[Array, Array]:
     """
     adaptor = BRepAdaptor_Surface(face, False)
     sign = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
-    points, normals = np.empty((len(parameters), 3)), np.zeros((len(parameters), 3))
+    found = np.empty((len(parameters), 3, 3))  # position and both derivatives
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
     for i, (u, v) in enumerate(parameters):
         adaptor.D1(float(u), float(v), point, along_u, along_v)
-        points[i] = point.X(), point.Y(), point.Z()
-        normal = np.cross(_xyz(along_u), _xyz(along_v))
-        length = float(np.linalg.norm(normal))
-        if length > 0:
-            normals[i] = sign * normal / length
-    return points, normals
+        found[i] = [(p.X(), p.Y(), p.Z()) for p in (point, along_u, along_v)]
+    normals = np.cross(found[:, 1], found[:, 2])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return found[:, 0], np.divide(sign * normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
 
 
 def face_normals(face: Any, points: Array) -> Array:

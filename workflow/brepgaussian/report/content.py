@@ -21,6 +21,7 @@ from brepgaussian.metrics.distances import SampledSurface
 from brepgaussian.metrics.solid import read_step
 from brepgaussian.metrics.table import read_rows
 from brepgaussian.metrics.triangulation import triangulate
+from brepgaussian.report.picture import best_view
 from brepgaussian.settings.report import ReportSettings
 
 _ERROR_EDGE = 0.05  # longest edge of triangles that carry errors at their corners, unit frame
@@ -68,6 +69,11 @@ class Content:
     truth: Truth | None
     row: dict[str, Any]
     step_path: Path
+
+    @cached_property
+    def view(self) -> int:
+        """The input view that shows most of the object."""
+        return best_view(self.masks.patches, self.views.alpha)
 
     @cached_property
     def errors(self) -> Array | None:

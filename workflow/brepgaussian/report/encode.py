@@ -55,7 +55,7 @@ def png(image: NDArray[np.uint8]) -> str:
     """A data URI of a (H, W, 4) uint8 RGBA picture."""
     import cv2
 
-    data = cv2.imencode(".png", np.ascontiguousarray(image[..., [2, 1, 0, 3]]), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
+    data = cv2.imencode(".png", np.ascontiguousarray(image[..., [2, 1, 0, 3]]), [cv2.IMWRITE_PNG_COMPRESSION, 6])[1]
     return f"data:image/png;base64,{packed(data)}"
 
 

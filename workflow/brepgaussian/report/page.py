@@ -14,7 +14,7 @@ from brepgaussian.metrics.columns import COLUMNS, CURVE, EDGE, HEAD, PATCH, SOLI
 from brepgaussian.report import colors, encode
 from brepgaussian.report.content import Content
 from brepgaussian.report.layers import layers
-from brepgaussian.report.picture import Frame, best_view, frame_on_object, runs, visible
+from brepgaussian.report.picture import Frame, frame_on_object, runs, visible
 from brepgaussian.settings.report import ReportSettings
 
 _ASSETS = Path(__file__).parent
@@ -92,7 +92,7 @@ def _step_link(content: Content, out_html: Path) -> str:
 def _spread(content: Content, count: int) -> list[int]:
     """The view with the most regions first, then views spread evenly."""
     total = len(content.views.cameras)
-    first = best_view(content.masks.patches, content.views.alpha)
+    first = content.view
     others = [round(first + i * total / min(count, total)) % total for i in range(min(count, total))]
     return list(dict.fromkeys(others))
 
@@ -172,7 +172,7 @@ def _primitives(content: Content) -> str:
 def _camera(content: Content) -> dict[str, Any]:
     """Where the viewer starts: the best input view; and which way is up, from all of them."""
     cameras = content.views.cameras
-    view = best_view(content.masks.patches, content.views.alpha)
+    view = content.view
     up = -cameras.cam_from_unit[:, 1, :3].mean(axis=0)
     length = float(np.linalg.norm(up))
     up = up / length if length > 0.1 else np.array([0.0, 0, 1])

@@ -1,6 +1,7 @@
 """Headless pictures from an input view: shaded triangles, surfels, points and lines on one pixel grid."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from brepgaussian.report import colors
 _MARGIN = 0.04  # around the silhouette, share of its box
 _DISC_SIDES = 10
 _DISC_SIGMA = 1.5  # radius at which a surfel is drawn, in standard deviations
-_SUPERSAMPLING = 2  # per axis, against jagged borders
+SUPERSAMPLING = 2  # per axis, against jagged borders
 _CELLS_PER_POINT = 0.7  # cells per axis over the square root of the number of points: two points a cell
 _OCCLUSION_TOLERANCE = 0.1  # unit frame: depth of a slanted face within a cell
 _HIDDEN_TOLERANCE = 4e-3  # unit frame: a point this far behind the surface is hidden
@@ -41,9 +42,10 @@ class Frame:
     side: float
     size: int
 
-    def rays(self, supersampling: int = 1) -> tuple[Array, Array]:
-        """The camera's centre (3,) and (size^2, 3) unit directions through the pixel centres, row by row."""
-        n = self.size * supersampling
+    @cached_property
+    def rays(self) -> tuple[Array, Array]:
+        """The camera's centre (3,) and (N, 3) unit directions, `SUPERSAMPLING`^2 a pixel, row by row."""
+        n = self.size * SUPERSAMPLING
         steps = (np.arange(n) + 0.5) / n * self.side
         x, y = np.meshgrid(self.left + steps, self.top + steps)
         return self.cameras.rays(self.view, np.column_stack([x.ravel(), y.ravel()]))
@@ -93,7 +95,7 @@ def draw_triangles(frame: Frame, surface: SampledSurface, corner_colors: Array, 
         corner_colors: (T, 3, 3) colour of each triangle's corners, or (T, 3) of each triangle.
         flat: leave out the light.
     """
-    origin, directions = frame.rays(_SUPERSAMPLING)
+    origin, directions = frame.rays
     hit, weights = _cast(origin, directions, surface)
     seen = hit >= 0
     image = np.tile(colors.BACKGROUND, (len(hit), 1))
@@ -105,7 +107,7 @@ def draw_triangles(frame: Frame, surface: SampledSurface, corner_colors: Array, 
         found = colors.shade(found, normals, directions[seen])
     image[seen] = found
     n = frame.size
-    return image.reshape(n, _SUPERSAMPLING, n, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    return image.reshape(n, SUPERSAMPLING, n, SUPERSAMPLING, 3).mean(axis=(1, 3))
 
 
 def draw_surfels(frame: Frame, surfels: Surfels) -> Image:
@@ -134,17 +136,17 @@ def draw_points(frame: Frame, points: Array, normals: Array, point_colors: Array
     pixels, distance = frame.project(points[front])
     lit = colors.shade(point_colors[front], normals[front], directions[front])
     order = np.argsort(-distance, kind="stable")
-    n = frame.size * _SUPERSAMPLING
+    n = frame.size * SUPERSAMPLING
     image = np.tile(colors.BACKGROUND, (n * n, 1))
-    reach = int(np.ceil(radius * _SUPERSAMPLING))
+    reach = int(np.ceil(radius * SUPERSAMPLING))
     steps = np.arange(-reach, reach + 1)
     dx, dy = (d.ravel() for d in np.meshgrid(steps, steps))
-    disc = dx**2 + dy**2 <= (radius * _SUPERSAMPLING) ** 2
-    places = np.floor(pixels[order] * _SUPERSAMPLING).astype(int)[:, None] + np.column_stack([dx, dy])[disc]
+    disc = dx**2 + dy**2 <= (radius * SUPERSAMPLING) ** 2
+    places = np.floor(pixels[order] * SUPERSAMPLING).astype(int)[:, None] + np.column_stack([dx, dy])[disc]
     inside = ((places >= 0) & (places < n)).all(axis=2)
     index = places[..., 1] * n + places[..., 0]
     image[index[inside]] = np.repeat(lit[order], disc.sum(), axis=0).reshape(*index.shape, 3)[inside]
-    return image.reshape(frame.size, _SUPERSAMPLING, frame.size, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    return image.reshape(frame.size, SUPERSAMPLING, frame.size, SUPERSAMPLING, 3).mean(axis=(1, 3))
 
 
 def _in_front(pixels: Array, distance: Array, facing: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:

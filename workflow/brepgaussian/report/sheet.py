@@ -11,7 +11,6 @@ from brepgaussian.report.content import Content
 from brepgaussian.report.picture import (
     Frame,
     Image,
-    best_view,
     draw_points,
     draw_surfels,
     draw_triangles,
@@ -38,7 +37,7 @@ def make_sheet(content: Content, out_png: str | Path, settings: ReportSettings) 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    view = best_view(content.masks.patches, content.views.alpha)
+    view = content.view
     frame = frame_on_object(content.views, view, settings.panel_px)
     panels = _panels(content, frame)
     rows = -(-len(panels) // _COLUMNS)

@@ -4,7 +4,8 @@
 (() => {
   const canvas = document.querySelector("#view canvas"), context = canvas.getContext("2d");
   const side = document.querySelector("#side");
-  const FOCAL = 3.4, DISC_SIDES = 8, LIGHT = normalise([0.45, 0.6, 0.75]); // in camera axes: right, up, back
+  const FOCAL = 4.6, DISC_SIDES = 8, LIGHT = normalise([0.45, 0.6, 0.75]); // in camera axes: right, up, back
+  const BACKGROUND = 0xfff6f3f0; // light, so that white surfels show (bytes: alpha, blue, green, red)
   const LINE_BIAS = 0.006, DOT_BIAS = 0.004; // lines and dots lie on surfaces: unit lengths towards the camera
   const unpack = (text, Type) => {
     const raw = atob(text), bytes = new Uint8Array(raw.length);
@@ -75,7 +76,7 @@
       image = context.createImageData(w, h);
       pixels = new Uint32Array(image.data.buffer); depth = new Float32Array(w * h);
     }
-    pixels.fill(0xffffffff); depth.fill(0); // depth holds 1 / distance: larger is nearer
+    pixels.fill(BACKGROUND); depth.fill(0); // depth holds 1 / distance: larger is nearer
   }
   const rgb = (r, g, b) => 0xff000000 | (Math.min(255, b) << 16) | (Math.min(255, g) << 8) | Math.min(255, r);
 
