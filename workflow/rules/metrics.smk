@@ -53,7 +53,7 @@ rule metrics:
 
 def publish_what_there_is():
     """After a failure: the table with a row for every object all the same, the failed ones with their reason."""
-    from brepgaussian.metrics.stage import collect
+    from brepgaussian.metrics.table import collect
 
     table = str(rules.metrics.output.table)
     if workflow.dag is None or table not in map(

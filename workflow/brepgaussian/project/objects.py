@@ -91,3 +91,22 @@ def configured_objects(config: Mapping[str, Any]) -> dict[str, ObjectRow]:
         if name not in found:
             raise InputError(f"select names {name!r}, which is not among the objects", fix="mend `select` in config")
     return {name: found[name] for name in names}
+
+
+def has_truth(row: ObjectRow) -> bool:
+    """Whether a truth is known for an object; looks at names of files only."""
+    from brepgaussian.views.abc_nef_layout import has_truth as known
+
+    return known(row.source, row.path, row.truth)
+
+
+def source_files(row: ObjectRow) -> list[str]:
+    """Files of an object's source that a workflow should watch; a missing one is the stage's to report."""
+    watched = ("transforms.json", "transforms_train.json", "meta_data.json")
+    path = Path(row.path)
+    if row.source == "part" or not path.exists():
+        return []
+    found = [path] if path.is_file() else [path / name for name in watched if (path / name).is_file()]
+    if row.truth and Path(row.truth).is_file():
+        found.append(Path(row.truth))
+    return [str(file) for file in found]

@@ -55,8 +55,15 @@ def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.where(empty, -distance, distance) + coverage[labels]
 
 
-def carve(views: Views, resolution: int, threads: int = 1) -> Hull:
+def carve(views: Views, resolution: int, threads: int = 1, concavities: bool = False, noise: float = 0.0) -> Hull:
     """Carve the visual hull on a grid of `resolution`^3 and mesh it.
+
+    Args:
+        views: images and cameras.
+        resolution: voxels along each side of the grid.
+        threads: CPU threads; the result does not depend on it.
+        concavities: also open what the images show to be open although no silhouette does.
+        noise: standard deviation of the images' noise, grey levels.
 
     Raises:
         StageError: no voxel lies inside every silhouette.
@@ -65,16 +72,27 @@ def carve(views: Views, resolution: int, threads: int = 1) -> Hull:
     for view, alpha in enumerate(views.alpha):
         images[view] = np.clip(silhouette_distance(alpha) * _UNITS, -32000, 32000).astype(np.int16)
     field, origin, spacing = hull_field(images, views.cameras, resolution, threads)
-    from skimage.measure import marching_cubes
-
     if field.max() <= 0:
         raise StageError(
             "the silhouettes have no common inside",
             fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
         )
+    if concavities:
+        from brepgaussian.splatting.concave import open_concavities
+
+        field = open_concavities(views, field, origin, spacing, lambda f: _mesh(f, origin, spacing), noise)[0]
+    vertices, triangles = _mesh(field, origin, spacing)
+    return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing)
+
+
+def _mesh(
+    field: NDArray[np.float32], origin: NDArray[np.float64], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (K, 3) and triangles (T, 3) of a field's zero level."""
+    from skimage.measure import marching_cubes
+
     vertices, triangles, _, _ = marching_cubes(field, 0.0, gradient_direction="ascent")
-    vertices = origin + spacing * vertices.astype(np.float64)
-    return Hull(vertices, triangles.astype(np.int64), vertex_normals(vertices, triangles), spacing)
+    return origin + spacing * vertices.astype(np.float64), triangles.astype(np.int64)
 
 
 def hull_field(

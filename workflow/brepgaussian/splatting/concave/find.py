@@ -9,8 +9,8 @@ from brepgaussian import log
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.openings import is_framed, openings, rectify
-from brepgaussian.splatting.concave.planes import planar_regions
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
 _NOISE_FREE_TOLERANCE = 3.0  # grey levels: a face's own grey varies by 1-2, some neighbours differ by 4
@@ -19,6 +19,7 @@ _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
 _PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
+_PARALLEL = 0.999  # cosine of 2.5 degrees
 _MAXIMUM_ERROR = 0.16  # balanced share of rays against the depth: .00-.13 on true ones, .5 is chance
 
 logger = log.get_logger("stage1")
@@ -39,7 +40,8 @@ def find_prisms(
         vertices: (K, 3) and triangles: (T, 3): the hull's mesh, counter-clockwise from outside.
         cell: the hull's resolution.
         noise: standard deviation of the images' noise, grey levels.
-        known: concavities that are already carved into the hull; they are not found again.
+        known: concavities that are already carved into the hull. If there are any, only their floors are
+            looked at: their walls are no lids.
     """
     scene = Scene(vertices, triangles)
     luminance = views.luminance
@@ -47,6 +49,8 @@ def find_prisms(
     tolerance = max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
     found: list[Prism] = []
     for region in planar_regions(vertices, triangles, 2 * cell):
+        if known and not _is_floor(region, known, 2 * cell):
+            continue
         lattice = region.lattice(vertices, triangles, _PITCH_PIXELS * footprint)
         if np.prod(lattice.shape) > _MAXIMUM_CELLS:
             coarser = lattice.pitch * np.sqrt(np.prod(lattice.shape) / _MAXIMUM_CELLS)
@@ -54,20 +58,20 @@ def find_prisms(
         stack = rectify(views, luminance, scene, lattice, tolerance)
         outlines = openings(stack, (_LEAST_WIDTH_PIXELS * footprint) ** 2)
         for outline in outlines:
-            if is_framed(stack, outline) and not _overlaps(lattice, outline, known, 2 * cell):
+            if is_framed(stack, outline):
                 prism = measure(stack, outline, views.cameras.centers)
                 if prism is not None and _believable(prism):
                     found.append(prism)
     return found
 
 
-def _overlaps(lattice: Lattice, outline: NDArray[np.bool_], known: Sequence[Prism], tolerance: float) -> bool:
-    """Whether most of an opening's cells are the opening of a known concavity."""
-    cells = lattice.centers()[outline]
+def _is_floor(region: PlanarRegion, known: Sequence[Prism], tolerance: float) -> bool:
+    """Whether a planar region is the floor of a known concavity."""
     for prism in known:
-        height = prism.lattice.coordinates(cells)[1]
-        within = (prism.signed_distance(cells, tolerance) < 0) & (np.abs(height) < tolerance)
-        if within.mean() > 0.5:
+        along = float(region.normal @ prism.lattice.normal)
+        center = region.offset * region.normal  # the plane's point nearest to the frame's origin
+        height = float((prism.lattice.origin - center) @ prism.lattice.normal)
+        if along > _PARALLEL and abs(height - prism.depth) < tolerance and not prism.through:
             return True
     return False
 

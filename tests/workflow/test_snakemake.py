@@ -1,0 +1,108 @@
+"""The real Snakemake on a small part: the whole way, reruns, failures."""
+
+import csv
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+COPIED = ("Snakefile", "workflow", "config", "profiles", "envs")
+# small images and few views: this test is about the workflow, not about accuracy
+CONFIG = """
+objects: objects.tsv
+select: []
+variants: [full]
+results: results
+settings:
+  views: {image_size: 300, view_count: 20}
+overlays: {}
+"""
+OBJECTS = "object\tsource\tpath\ttruth\tgroup\ngood\tpart\tblock_hole\t\t\nbroken\tnerf\tabsent\t\t\n"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A copy of the workflow with one good and one broken object, run once."""
+    folder = tmp_path_factory.mktemp("project")
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, folder / name)
+    (folder / "small.yaml").write_text(CONFIG)
+    (folder / "objects.tsv").write_text(OBJECTS)
+    return folder, snakemake(folder, "results/metrics.csv")
+
+
+def snakemake(folder, *arguments, **options):
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "small.yaml", *arguments]
+    environment = {**os.environ, "BREPGAUSSIAN_BUILD": str(ROOT / "build")}
+    environment.pop("PYTHONPATH", None)  # the Snakefile must find its own library
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False, **options)
+
+
+def rows(folder):
+    with (folder / "results" / "metrics.csv").open() as file:
+        return {row["object"]: row for row in csv.DictReader(file)}
+
+
+def digests(folder):
+    found = (folder / "results" / "full" / "good").iterdir()
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in found if p.suffix in (".h5", ".ply", ".step")}
+
+
+def jobs(folder, *arguments):
+    """Rules that a dry run would execute."""
+    done = snakemake(folder, "--dry-run", "--quiet", "host", *arguments)
+    return [
+        line.split()[1].rstrip(":") for line in done.stdout.splitlines() if line.startswith(("rule ", "localrule "))
+    ]
+
+
+def test_a_good_object_ends_in_a_closed_solid_and_a_broken_one_in_a_row_with_its_reason(project):
+    folder, done = project
+    table = rows(folder)
+    assert table["good"]["status"] == "ok", done.stdout + done.stderr
+    assert table["good"]["valid"] == table["good"]["closed"] == "True"
+    assert table["good"]["fallback"] == "False"
+    assert table["broken"]["status"] == "failed"
+    assert "absent" in table["broken"]["reason"]
+    assert done.returncode == 1  # like a compiler: what could be made is made, and the failure is told
+
+
+def test_a_second_run_of_the_good_object_does_nothing(project):
+    folder, _ = project
+    assert jobs(folder, "results/full/good/metrics.csv") == []
+
+
+def test_changing_a_library_module_reruns_its_stage_and_what_follows(project):
+    folder, _ = project
+    module = folder / "workflow" / "brepgaussian" / "primitives" / "stage.py"
+    text = module.read_text()
+    module.write_text(text + "\n# changed\n")
+    try:
+        assert jobs(folder, "results/full/good/metrics.csv") == ["primitives", "brep", "object_metrics"]
+    finally:
+        module.write_text(text)
+
+
+def test_one_stage_of_one_object_can_be_rerun_and_gives_the_same_bytes(project):
+    folder, _ = project
+    before = digests(folder)
+    done = snakemake(folder, "results/full/good/brep.step", "--forcerun", "primitives")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(folder) == before
+
+
+def test_a_misspelt_key_is_named(project):
+    folder, _ = project
+    (folder / "typo.yaml").write_text("settings: {masks: {sede: 1}}\n")
+    done = snakemake(folder, "small.yaml", "typo.yaml", "--dry-run")
+    assert done.returncode != 0
+    assert "sede" in done.stdout + done.stderr
