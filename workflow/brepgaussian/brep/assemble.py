@@ -31,11 +31,13 @@ def attempt(job: Job, rung: Rung) -> Attempt:
     """Run one rung; what OCC or the gate has against it becomes a fault, not an exception."""
     try:
         shape, notes = assemble(job, rung)
-        verdict = examine(shape, job.patches, job.silhouettes, job.settings)
+        patches = patches_of(job, rung)
+        verdict = examine(shape, patches, job.silhouettes, job.settings, job.ends)
+        surfaces = tuple(p.surface for p in patches)
         data = None if verdict.faults else occ.to_bytes(shape)
     except (StageError, ValueError, RuntimeError, AssertionError) as error:
-        data, notes, verdict = None, {}, Verdict((str(error) or type(error).__name__,))
-    return Attempt(rung.name, data, verdict, notes=notes)
+        data, notes, surfaces, verdict = None, {}, (), Verdict((str(error) or type(error).__name__,))
+    return Attempt(rung.name, data, verdict, surfaces, notes=notes)
 
 
 def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
@@ -45,9 +47,10 @@ def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
         StageError: there is none.
     """
     settings = job.settings
-    sheets = make_sheets(job.patches, rung)
+    patches = patches_of(job, rung)
+    sheets = make_sheets(patches, rung)
     arrangement = arrange([build_face(s) for s in sheets], [s.patch for s in sheets], settings.fuzzy)
-    evidence = gather(arrangement, job.patches, job.silhouettes if rung.silhouettes else None)
+    evidence = gather(arrangement, patches, job.silhouettes if rung.silhouettes else None)
     weights = Weights(
         unsupported=settings.unsupported_weight * rung.unsupported,
         smooth=settings.smooth_weight,
@@ -60,10 +63,15 @@ def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
     return solid_from_facets(facets), notes
 
 
+def patches_of(job: Job, rung: Rung) -> tuple[Patch, ...]:
+    """The patches that take part in a rung."""
+    return (*job.patches, *job.caps) if rung.caps else job.patches
+
+
 def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:
     """The sheets of all patches for one rung."""
     chosen = set(rung.extend)
-    return [make_sheet(i, patches, rung.margin, i in chosen) for i in range(len(patches))]
+    return [make_sheet(i, patches, rung.margin, i in chosen or patches[i].whole) for i in range(len(patches))]
 
 
 def fallback(xyz: Array, normals: Array | None, silhouettes: Silhouettes | None, faces: int, job: Job) -> Attempt:

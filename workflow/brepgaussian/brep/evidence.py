@@ -46,7 +46,7 @@ def gather(arrangement: Arrangement, patches: Sequence[Patch], silhouettes: Silh
     seen = np.zeros(len(arrangement.samples), bool)
     for index, patch in enumerate(patches):
         chosen = np.flatnonzero(np.isin(arrangement.sample_facet, on[index]))
-        if not len(chosen):
+        if not len(chosen) or patch.cap:
             continue
         reach = patch.reach + patch.sigma
         near = cKDTree(patch.xyz).query(arrangement.samples[chosen], distance_upper_bound=reach)[0] <= reach

@@ -11,7 +11,7 @@ from brepgaussian.brep import occ, solid
 from brepgaussian.brep.cells import SAMPLE_SPACING, sample_triangles
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.silhouettes import Silhouettes
-from brepgaussian.brep.structure import extract
+from brepgaussian.brep.structure import Structure, extract
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
 
@@ -26,8 +26,14 @@ _SHORT_EDGE = 1e-5  # unit frame; shorter edges are debris
 _LEAST_VOLUME = 1e-6
 
 
-def examine(shape: Any, patches: Sequence[Patch], silhouettes: Silhouettes | None, settings: BrepSettings) -> Verdict:
-    """Examine a solid (TopoDS_Shape, unit frame)."""
+def examine(
+    shape: Any,
+    patches: Sequence[Patch],
+    silhouettes: Silhouettes | None,
+    settings: BrepSettings,
+    ends: Array | None = None,
+) -> Verdict:
+    """Examine a solid (TopoDS_Shape, unit frame); `ends` are points (N, 3) on open borders."""
     faults = integrity(shape)
     if faults:
         return Verdict(faults)
@@ -39,22 +45,41 @@ def examine(shape: Any, patches: Sequence[Patch], silhouettes: Silhouettes | Non
     same = identical(patches)
     on = np.array([same[f.surface] if f.surface >= 0 else -1 for f in structure.faces])[owner[source]]
     explained, bare = _explain(patches, same, samples, weight, on)
-    sizes = np.array([len(p.xyz) for p in patches])
+    sizes = np.array([0 if p.cap else len(p.xyz) for p in patches])
     iou = silhouettes.iou(nodes[triangles]) if silhouettes is not None else None
     doubts = [
         f"patch {patches[i].primitive} is explained to {share:.0%}"
         for i, share in enumerate(explained)
-        if share < settings.gate_explained
+        if share < settings.gate_explained and not patches[i].cap
     ]
     if iou is not None and iou < settings.gate_iou:
         doubts.append(f"silhouettes agree to an IoU of {iou:.3f} only")
     if any(f.surface < 0 for f in structure.faces):
         doubts.append("a face lies on no primitive")
+    hints = [f"{bare:.1%} of the area has no points"] if bare > settings.gate_bare else []
     return Verdict(
-        (), tuple(doubts), tuple(float(e) for e in explained), float(explained @ sizes / max(sizes.sum(), 1)), iou,
-        bare, len(structure.faces), len(structure.edges), sum(v.corner for v in structure.vertices),
-        occ.volume(shape), structure,
-    )  # fmt: skip
+        faults=(),
+        doubts=tuple(doubts),
+        hints=tuple(hints),
+        explained=tuple(float(e) for e in explained),
+        explained_all=float(explained @ sizes / max(sizes.sum(), 1)),
+        iou=iou,
+        bare=bare,
+        ends=_at_edges(structure, ends, settings),
+        faces=len(structure.faces),
+        edges=len(structure.edges),
+        vertices=sum(v.corner for v in structure.vertices),
+        volume=occ.volume(shape),
+        structure=structure,
+    )
+
+
+def _at_edges(structure: Structure, ends: Array | None, settings: BrepSettings) -> float:
+    """Share of the points on open borders that lie at an edge of the solid; 1 if there are none."""
+    if ends is None or not len(ends) or not structure.edges:
+        return 1.0
+    edges = cKDTree(np.concatenate([e.polyline for e in structure.edges]))
+    return float(np.mean(edges.query(ends)[0] <= settings.max_reach))
 
 
 def integrity(shape: Any) -> tuple[str, ...]:
@@ -98,7 +123,7 @@ def _explain(
     explained, seen = np.zeros(len(patches)), np.zeros(len(samples), bool)
     for index, patch in enumerate(patches):
         own = np.flatnonzero(on == same[index])
-        if not len(own):
+        if not len(own) or patch.cap:
             continue
         limit = _SPACINGS * SAMPLE_SPACING + _SIGMAS * patch.sigma
         distance, _ = cKDTree(samples[own]).query(patch.xyz)

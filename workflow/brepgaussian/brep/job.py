@@ -3,9 +3,13 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.brep.verdict import Verdict
+from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
 
 
@@ -17,6 +21,7 @@ class Rung:
         name: for the report.
         margin: of the sheets.
         extend: indices of patches whose sheets go through the whole box.
+        caps: whether the job's caps take part.
         silhouettes: whether free space seen by the cameras counts.
         unsupported: factor on the cost of area without points.
     """
@@ -24,6 +29,7 @@ class Rung:
     name: str
     margin: float
     extend: tuple[int, ...] = ()
+    caps: bool = False
     silhouettes: bool = True
     unsupported: float = 1.0
 
@@ -33,12 +39,17 @@ class Job:
     """Everything that an attempt needs.
 
     Attributes:
-        patches: primitives with their support; `caps` follow them: faces without points.
+        patches: primitives with their support.
+        caps: faces that were guessed from open borders; they follow the patches where a rung uses them.
+        ends: (N, 3) points on open borders; `open_patches`: indices of the patches that have such.
         silhouettes: evidence of the views, None without usable views.
         settings: of the stage.
     """
 
     patches: tuple[Patch, ...]
+    caps: tuple[Patch, ...]
+    ends: NDArray[np.float64]
+    open_patches: tuple[int, ...]
     silhouettes: Silhouettes | None
     settings: BrepSettings
 
@@ -49,6 +60,7 @@ class Attempt:
 
     Attributes:
         rung: its name.
+        surfaces: what the structure's indices mean.
         shape: the solid as OCC bytes, None if there is none.
         verdict: of the gate; its faults say why there is no solid.
         fallback: whether it is the polyhedral last resort.
@@ -58,5 +70,6 @@ class Attempt:
     rung: str
     shape: bytes | None
     verdict: Verdict
+    surfaces: tuple[Surface, ...] = ()
     fallback: bool = False
     notes: dict[str, Any] = field(default_factory=dict)

@@ -4,9 +4,13 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitives
 from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.borders import open_points
+from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.silhouettes import make_silhouettes
@@ -14,9 +18,11 @@ from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError, StageError
+from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
 
+_MENDING = ("open_extended", "caps")  # rungs that make up for missing points
 _DIGITS = 6  # of figures in the report
 
 
@@ -27,11 +33,13 @@ class Outcome:
     Attributes:
         shape: the solid as OCC bytes, unit frame.
         structure: its faces, edges and vertices by surface.
+        surfaces: which the structure's indices mean.
         report: for `brep.h5`.
     """
 
     shape: bytes
     structure: Structure
+    surfaces: tuple[Surface, ...]
     report: dict[str, Any]
 
 
@@ -39,13 +47,24 @@ def make_job(views: Views, points: Points, primitives: Primitives, settings: Bre
     """Collect what every attempt needs."""
     patches = make_patches(primitives.items, points, settings.max_reach)
     silhouettes = make_silhouettes(views.alpha, views.cameras, settings.gate_views, settings.gate_side)
-    return Job(tuple(patches), silhouettes, settings)
+    borders = open_points(patches)
+    caps = find_caps(patches, borders, settings.seed)
+    ends = np.concatenate([*(p.xyz[b] for p, b in zip(patches, borders, strict=True)), np.zeros((0, 3))])
+    open_patches = tuple(i for i, b in enumerate(borders) if len(b))
+    get_logger("brep").info("%d patches, open borders at %s, %d caps", len(patches), open_patches, len(caps))
+    return Job(tuple(patches), tuple(caps), ends, open_patches, silhouettes, settings)
 
 
 def rungs(job: Job) -> list[Rung]:
     """The attempts in order of preference."""
     settings = job.settings
-    result = [Rung("support", settings.margin), Rung("wide", settings.wide_margin)]
+    result = [Rung("support", settings.margin)]
+    some = job.open_patches
+    if 0 < len(some) <= settings.max_extended:
+        result.append(Rung("open_extended", settings.margin, some))
+    if job.caps and len(some) <= settings.max_extended:
+        result.append(Rung("caps", settings.margin, some, caps=True))
+    result.append(Rung("wide", settings.wide_margin))
     everything = tuple(range(len(job.patches)))
     if len(everything) <= settings.max_extended:
         result.append(Rung("extended", settings.wide_margin, everything))
@@ -65,7 +84,9 @@ def climb(worker: Worker, job: Job, points: Points, start: float) -> Outcome:
     """
     log, settings = get_logger("brep"), job.settings
     tried: list[Attempt] = []
-    for rung in rungs(job) if job.patches else []:
+    ladder = rungs(job) if job.patches else []
+    guesses = [r.name for r in ladder if r.name in _MENDING]
+    for rung in ladder:
         if time.monotonic() - start > settings.total_time_s:
             break
         try:
@@ -73,8 +94,8 @@ def climb(worker: Worker, job: Job, points: Points, start: float) -> Outcome:
         except (WorkerError, BrepGaussianError) as error:
             result = Attempt(rung.name, None, Verdict((str(error),)))
         tried.append(result)
-        log.info("rung %s: %s", rung.name, "; ".join(result.verdict.faults + result.verdict.doubts) or "accepted")
-        if result.shape is not None and not result.verdict.doubts:
+        log.info("rung %s: %s", rung.name, _remarks(result) or "accepted")
+        if _settled(tried, guesses):
             break
     chosen = _choose(tried, settings)
     if chosen is None:
@@ -82,14 +103,27 @@ def climb(worker: Worker, job: Job, points: Points, start: float) -> Outcome:
         tried.append(chosen)
     assert chosen.shape is not None
     assert chosen.verdict.structure is not None
-    return Outcome(chosen.shape, chosen.verdict.structure, _report(chosen, tried, job))
+    return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, _report(chosen, tried, job))
+
+
+def _remarks(result: Attempt) -> str:
+    return "; ".join(result.verdict.faults + result.verdict.doubts + result.verdict.hints)
+
+
+def _settled(tried: list[Attempt], guesses: list[str]) -> bool:
+    """Whether a solid is good enough to stop: no doubts, and no rung left that could mend a bare area."""
+    good = [t for t in tried if t.shape is not None and not t.verdict.doubts]
+    if not good:
+        return False
+    names = {t.rung for t in tried}
+    return all(g in names for g in guesses) or any(not t.verdict.hints for t in good)
 
 
 def _choose(tried: list[Attempt], settings: BrepSettings) -> Attempt | None:
     solids = [t for t in tried if t.shape is not None]
     clean = [t for t in solids if not t.verdict.doubts]
     if clean:
-        return clean[0]
+        return max(clean, key=lambda t: round(t.verdict.score, _DIGITS))
     weak = [
         t
         for t in solids
@@ -127,6 +161,9 @@ def _report(chosen: Attempt, tried: list[Attempt], job: Job) -> dict[str, Any]:
         },
         "explained_all": round(verdict.explained_all, _DIGITS),
         "bare": round(verdict.bare, _DIGITS),
+        "ends": round(verdict.ends, _DIGITS),
+        "hints": list(verdict.hints),
+        "caps": sum(f.surface >= len(job.patches) for f in verdict.structure.faces) if verdict.structure else 0,
         "faces": verdict.faces,
         "edges": verdict.edges,
         "vertices": verdict.vertices,
@@ -139,6 +176,7 @@ def _report(chosen: Attempt, tried: list[Attempt], job: Job) -> dict[str, Any]:
                 "rung": t.rung,
                 "faults": list(t.verdict.faults),
                 "doubts": list(t.verdict.doubts),
+                "hints": list(t.verdict.hints),
                 "notes": t.notes,
             }
             for t in tried

@@ -28,6 +28,8 @@ class Patch:
         xyz: (S, 3) support without stray points; `normals`: (S, 3) their outward normals.
         reach: radius within which a place on the patch is expected to hold a point.
         sigma: distance of the points from the surface (root mean square).
+        cap: a guess without points of its own; `xyz` only says where it is.
+        whole: its sheet always goes through the whole box.
     """
 
     surface: Surface
@@ -36,6 +38,8 @@ class Patch:
     normals: Array
     reach: float
     sigma: float
+    cap: bool = False
+    whole: bool = False
 
 
 def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -> list[Patch]:

@@ -61,9 +61,8 @@ def build_brep(
         step = (outcome.shape, views.world_from_unit, views.unit, name, str(out_step))
         worker.call("publish:write_step", step, _PUBLISH_LIMIT_S)
         worker.call("publish:write_glb", (outcome.shape, views.world_from_unit, name, str(out_glb)), _PUBLISH_LIMIT_S)
-    surfaces = tuple(p.surface for p in job.patches)
     brep = Brep(
-        surfaces=surfaces,
+        surfaces=outcome.surfaces,
         curves=curves_of(outcome.structure, points),
         corners=corners_of(outcome.structure),
         report=outcome.report,

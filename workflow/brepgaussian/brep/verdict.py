@@ -4,6 +4,9 @@ from dataclasses import dataclass, field
 
 from brepgaussian.brep.structure import Structure
 
+IOU_WEIGHT = 5.0  # a silhouette that is off by one percent weighs as five percent of the points
+ENDS_WEIGHT = 0.5
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -11,21 +14,25 @@ class Verdict:
 
     Attributes:
         faults: why the solid cannot be published at all (empty if it can).
-        doubts: why another rung should be tried.
+        doubts: why another rung must be tried.
+        hints: why a rung that makes up for missing points may be better.
         explained: share of each patch's points that lie on a face of its surface.
         explained_all: the same over all points.
         iou: mean silhouette IoU, None without views.
         bare: share of the area that no point supports.
+        ends: share of the points on open borders that lie at an edge of the solid.
         faces, edges, vertices, volume: of the solid.
         structure: its faces, edges and vertices by surface.
     """
 
     faults: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    hints: tuple[str, ...] = ()
     explained: tuple[float, ...] = ()
     explained_all: float = 0.0
     iou: float | None = None
     bare: float = 1.0
+    ends: float = 1.0
     faces: int = 0
     edges: int = 0
     vertices: int = 0
@@ -35,4 +42,4 @@ class Verdict:
     @property
     def score(self) -> float:
         """For choosing among solids with doubts."""
-        return self.explained_all + (1.0 if self.iou is None else self.iou) - self.bare
+        return self.explained_all + IOU_WEIGHT * (self.iou or 0.0) + ENDS_WEIGHT * self.ends - self.bare

@@ -42,6 +42,9 @@ class BrepSettings:
     gate_iou: float = setting(
         0.97, "Least mean IoU of the solid's silhouettes with the views'.", minimum=0.0, maximum=1.0
     )
+    gate_bare: float = setting(
+        0.02, "Share of the area without points above which guessed faces are tried.", minimum=0.0, maximum=1.0
+    )
     weak_explained: float = setting(
         0.7,
         "Share of all points that a solid must explain to be preferred to the polyhedral fallback.",
