@@ -17,10 +17,13 @@ class Stage1Settings:
     )
     device: str = setting("auto", "Where to render; never silently replaced.", choices=("auto", "cpu", "cuda"))
     image_size: int = setting(400, "Longer side of the training images.", unit="px", minimum=50, maximum=1600)
-    iterations: int = setting(400, "Training steps of the fast recipe, one view each.", minimum=1)
+    iterations: int = setting(400, "Training steps of the fast recipe, one view each.", minimum=0)
     paper_iterations: int = setting(30000, "Training steps of the paper recipe.", minimum=1)
     surfels: int = setting(8000, "Surfels that the hull is covered with.", minimum=100, maximum=200000)
     hull_resolution: int = setting(160, "Voxels along each side of the hull's grid.", minimum=16, maximum=400)
+    concavities: bool = setting(
+        True, "Open the pockets and holes that views show although no silhouette does, before the surfels start."
+    )
     edge_loss: bool = setting(True, "Train the edge value e of each surfel (paper, L_edge).")
     edge_weight: float = setting(0.1, "Weight of L_edge (paper: 0.1).", minimum=0.0)
     dssim_weight: float = setting(0.2, "Share of D-SSIM in L_geo, lambda (3DGS: 0.2).", minimum=0.0, maximum=1.0)
@@ -38,3 +41,6 @@ class Stage1Settings:
     opacity_rate: float = setting(0.03, "Adam's rate for opacity logits.", minimum=0.0)
     color_rate: float = setting(0.01, "Adam's rate for colours and edge values.", minimum=0.0)
     final_rate: float = setting(0.1, "Rates at the end as a share of those at the start.", minimum=0.0, maximum=1.0)
+    shared_moment: bool = setting(
+        True, "One second moment for all surfels: they move in proportion to their gradients (Adam: one each)."
+    )

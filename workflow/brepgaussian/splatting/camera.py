@@ -1,4 +1,4 @@
-"""The camera of one rendering: a pinhole view cropped to the object's box, at any resolution."""
+"""The camera of one rendering (a pinhole view cropped to the object's box, at any resolution) and its cut-offs."""
 
 from dataclasses import dataclass, replace
 
@@ -6,6 +6,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.geometry.cameras import Cameras
+
+NEAR = 1e-3  # unit frame
+CUTOFF = 1 / 255  # alpha below it does not count (3DGS)
+TRANSMITTANCE = 1e-4  # a pixel is done below it (3DGS)
+ALPHA_MAX = 0.99  # 3DGS
+GRAZING = 1e-3  # |cos| between ray and plane below which a surfel is edge-on: its disk is thinner than any pixel
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """Cut-offs of the rasteriser; the defaults are those of 3DGS and 2DGS, but for the filter.
+
+    Attributes:
+        low_pass_px: standard deviation of the screen-space filter in px; 0 = none (2DGS: 0.71).
+        cull: leave out surfels whose normal points away from the camera; else their normals are turned round.
+        near: surfels whose centre is nearer (unit frame) are left out.
+        cutoff: alpha below which a surfel does not count in a pixel.
+        transmittance: a pixel takes no more surfels below it.
+        alpha_max: upper limit of alpha.
+        grazing: |cos| between ray and plane below which a surfel is left out.
+        threads: CPU threads; the result does not depend on it.
+    """
+
+    low_pass_px: float = 0.0
+    cull: bool = True
+    near: float = NEAR
+    cutoff: float = CUTOFF
+    transmittance: float = TRANSMITTANCE
+    alpha_max: float = ALPHA_MAX
+    grazing: float = GRAZING
+    threads: int = 1
 
 
 @dataclass(frozen=True)

@@ -5,44 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from brepgaussian.splatting.camera import Camera
-from brepgaussian.splatting.library import TILE, Cloud, Floats, Raster, ViewParams, load, pointer
+from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting.library import Cloud, Floats, Raster, load, pointer, view_params
 from brepgaussian.splatting.targets import Target
 
-NEAR = 1e-3  # unit frame
-CUTOFF = 1 / 255  # alpha below it does not count (3DGS)
-TRANSMITTANCE = 1e-4  # a pixel is done below it (3DGS)
-ALPHA_MAX = 0.99  # 3DGS
-GRAZING = 1e-3  # |cos| between ray and plane below which a surfel is edge-on: its disk is thinner than any pixel
 COVERED = 0.5  # alpha from which a pixel has a depth
-
-
-def view_params(
-    camera: Camera, channels: int, low_pass_px: float = 0.0, cull: bool = True, threads: int = 1
-) -> ViewParams:
-    """The kernels' description of a view."""
-    pose = camera.cam_from_unit
-    return ViewParams(
-        rotation=(ctypes.c_float * 9)(*pose[:3, :3].ravel()),
-        translation=(ctypes.c_float * 3)(*pose[:3, 3]),
-        fx=camera.fx,
-        fy=camera.fy,
-        cx=camera.cx,
-        cy=camera.cy,
-        z_reference=camera.z_reference,
-        near=NEAR,
-        cutoff=CUTOFF,
-        transmittance=TRANSMITTANCE,
-        low_pass=1 / low_pass_px**2 if low_pass_px > 0 else -1,
-        alpha_max=ALPHA_MAX,
-        grazing=GRAZING,
-        width=camera.width,
-        height=camera.height,
-        stride=-(-camera.width // TILE) * TILE,
-        channels=channels,
-        cull=int(cull),
-        threads=threads,
-    )
 
 
 @dataclass(frozen=True)
@@ -132,18 +99,16 @@ def plane_gradients(
     return gradients, losses
 
 
-def training_step(
-    raster: Raster, cloud: Cloud, target: Target, weights: LossWeights, low_pass_px: float, threads: int
-) -> Step:
+def training_step(raster: Raster, cloud: Cloud, target: Target, weights: LossWeights, options: RenderOptions) -> Step:
     """Render a view, compare it with its target, and differentiate."""
-    view = view_params(target.camera, cloud.channels.shape[1], low_pass_px, threads=threads)
+    view = view_params(target.camera, cloud.channels.shape[1], options)
     planes = raster.forward(cloud, view)
-    into, losses = plane_gradients(planes, target, weights, threads)
+    into, losses = plane_gradients(planes, target, weights, options.threads)
     gradients, screen, summed = raster.backward(cloud, planes, into)
     return Step(gradients, screen, summed, losses)
 
 
-def average_targets(cloud: Cloud, targets: list[Target], low_pass_px: float, threads: int) -> tuple[Floats, Floats]:
+def average_targets(cloud: Cloud, targets: list[Target], options: RenderOptions) -> tuple[Floats, Floats]:
     """Mean of what each surfel covers in all views, by compositing weight: (N, C) channels; and the weights (N,).
 
     The gradient of sum(w_i c_i t) with respect to c_i is the sum of w_i t: the backward pass does the gathering.
@@ -151,9 +116,7 @@ def average_targets(cloud: Cloud, targets: list[Target], low_pass_px: float, thr
     raster = Raster()
     total, seen = np.zeros(cloud.channels.shape), np.zeros(len(cloud))
     for target in targets:
-        planes = raster.forward(
-            cloud, view_params(target.camera, cloud.channels.shape[1], low_pass_px, threads=threads)
-        )
+        planes = raster.forward(cloud, view_params(target.camera, cloud.channels.shape[1], options))
         into = np.zeros_like(planes)
         into[: len(target.colors)] = target.colors
         into[len(target.colors)] = target.edges

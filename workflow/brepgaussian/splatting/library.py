@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.build import build_kernel
+from brepgaussian.splatting.camera import Camera, RenderOptions
 
 Floats = NDArray[np.float32]
 
@@ -25,6 +26,32 @@ class ViewParams(ctypes.Structure):
         *((n, ctypes.c_float) for n in ("low_pass", "alpha_max", "grazing")),
         *((n, ctypes.c_int32) for n in ("width", "height", "stride", "channels", "cull", "threads")),
     ]
+
+
+def view_params(camera: Camera, channels: int, options: RenderOptions) -> ViewParams:
+    """The kernels' description of a view."""
+    pose = camera.cam_from_unit
+    return ViewParams(
+        rotation=(ctypes.c_float * 9)(*pose[:3, :3].ravel()),
+        translation=(ctypes.c_float * 3)(*pose[:3, 3]),
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        z_reference=camera.z_reference,
+        near=options.near,
+        cutoff=options.cutoff,
+        transmittance=options.transmittance,
+        low_pass=1 / options.low_pass_px**2 if options.low_pass_px > 0 else -1,
+        alpha_max=options.alpha_max,
+        grazing=options.grazing,
+        width=camera.width,
+        height=camera.height,
+        stride=-(-camera.width // TILE) * TILE,
+        channels=channels,
+        cull=int(options.cull),
+        threads=options.threads,
+    )
 
 
 @functools.cache

@@ -37,7 +37,7 @@ class Parameters:
     def __len__(self) -> int:
         return len(self.cloud)
 
-    def update(self, gradients: Cloud, rates: dict[str, float], threads: int) -> None:
+    def update(self, gradients: Cloud, rates: dict[str, float], threads: int, shared: bool = False) -> None:
         """One Adam step on every parameter group that has a rate."""
         self.step += 1
         for name, rate in rates.items():
@@ -53,7 +53,7 @@ class Parameters:
                 _KINDS[name],
                 *(ctypes.c_float(v) for v in (rate, BETA1, BETA2, EPSILON)),
                 ctypes.c_int64(self.step),
-                0,
+                int(shared),
                 threads,
             )
 

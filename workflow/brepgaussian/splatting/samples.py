@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.stage1 import Surfels
 from brepgaussian.artifacts.views import Views
 from brepgaussian.settings.stage2 import Stage2Settings
-from brepgaussian.splatting.camera import camera_of
-from brepgaussian.splatting.engine import view_params
-from brepgaussian.splatting.library import Cloud, Raster
+from brepgaussian.splatting.camera import RenderOptions, camera_of
+from brepgaussian.splatting.library import Cloud, Raster, view_params
 
 _LIMIT = 48  # surfels a pixel: opaque surfaces need far fewer
 
@@ -49,7 +48,7 @@ def sample_views(
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         x0, y0 = int(low[0]), int(low[1])
         camera = camera_of(views.cameras, view).crop(x0, y0, int(high[0]) - x0 + 1, int(high[1]) - y0 + 1)
-        raster.project(cloud, view_params(camera, 1, threads=threads))
+        raster.project(cloud, view_params(camera, 1, RenderOptions(threads=threads)))
         found, weights, counts = raster.weights(pixels - (x0, y0), _LIMIT)
         used = np.arange(_LIMIT) < counts[:, None]
         starts = np.concatenate([[0], np.cumsum(counts)])

@@ -13,6 +13,7 @@ from brepgaussian.errors import StageError
 from brepgaussian.log import get_logger, progress
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.stage1 import Stage1Settings
+from brepgaussian.splatting.camera import RenderOptions
 from brepgaussian.splatting.engine import LossWeights, average_targets, training_step
 from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.library import Cloud, Raster
@@ -62,21 +63,26 @@ def train_stage1(
             fix="rerun the masks stage",
         )
     logger.info("settings: %s", settings)
-    hull = carve(views, settings.hull_resolution, threads)
-    parameters = start(views, hull, settings)
-    targets = make_targets(views, masks, settings.image_size)
-    losses = optimise(parameters, targets, settings, threads)
-    surfels = parameters.surfels()
+    surfels, hull, losses = run(views, masks, settings, threads)
     evidence = Evidence(
         hull_vertices=hull.vertices.astype(np.float32),
         hull_triangles=hull.triangles.astype(np.int32),
-        face_id=np.full(len(parameters), -1, np.int32),
+        face_id=np.full(len(surfels.centers), -1, np.int32),
         losses=np.array(losses, np.float32),
     )
     for step in EVIDENCE_STEPS:
         surfels, evidence = step(views, masks, surfels, evidence, settings, threads)
     surfels.write(out_ply)
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
+
+
+def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> tuple[Surfels, Hull, list[float]]:
+    """Hull, start, training: the stage without its files."""
+    noise = float(np.median(masks.noise))
+    hull = carve(views, settings.hull_resolution, threads, settings.concavities, noise)
+    parameters = start(views, hull, settings)
+    losses = optimise(parameters, make_targets(views, masks, settings.image_size), settings, threads)
+    return parameters.surfels(), hull, losses
 
 
 def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
@@ -98,6 +104,7 @@ def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Sett
     """Train in place, one view a step, and return the loss of each step."""
     rng = np.random.default_rng(settings.seed)
     raster, losses = Raster(), []
+    options = RenderOptions(low_pass_px=settings.low_pass_px, threads=threads)
     weights = LossWeights(
         dssim=settings.dssim_weight,
         alpha=settings.alpha_weight,
@@ -105,14 +112,14 @@ def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Sett
         normal=settings.normal_weight,
         distortion=settings.distortion_weight,
     )
-    averages, _ = average_targets(parameters.cloud, targets, settings.low_pass_px, threads)
+    averages, _ = average_targets(parameters.cloud, targets, options)
     parameters.cloud.channels[:] = averages
     parameters.raw["channels"][:] = averages
     order: list[int] = []
     for iteration in progress(range(settings.iterations), "stage1"):
         if not order:
             order = rng.permutation(len(targets)).tolist()
-        step = training_step(raster, parameters.cloud, targets[order.pop()], weights, settings.low_pass_px, threads)
+        step = training_step(raster, parameters.cloud, targets[order.pop()], weights, options)
         share = settings.final_rate ** (iteration / settings.iterations)
         parameters.update(
             step.gradients,
@@ -124,6 +131,7 @@ def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Sett
                 "channels": share * settings.color_rate,
             },
             threads,
+            shared=settings.shared_moment,
         )
         losses.append(step.loss)
     return losses
