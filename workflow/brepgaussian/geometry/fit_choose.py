@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NORMAL_NOISE = np.radians(4.0)  # of surfels before averaging
-EFFECTIVE = 60  # independent observations in a patch: surfel error is smooth, so 1000 points are not 1000 facts
+EFFECTIVE = 30  # independent observations in a patch: surfel error is smooth, so 1000 points are not 1000 facts
+UNEXPLAINED = 1.15  # residuals of the best kind that count as noise of the patch: no kind gains by less
 KEPT = 0.9  # share of the points that judges a fit: wrong labels must not choose the kind
 # What a kind costs in parameters: its own number, more for the sphere, which mechanical parts seldom have
 # and which imitates any narrow band of a cone.
@@ -52,12 +53,15 @@ def choose(
     effective: int = EFFECTIVE,
     initial: Sequence[Surface] = (),
     rng: np.random.Generator | None = None,
+    reach: float = np.inf,
 ) -> Choice:
     """Fit every kind robustly and keep the one with the shortest description.
 
     A kind costs `description_length`. Residuals below the noise earn nothing, so that every kind that
     explains the points to within the noise ties on the data and the fewest parameters win: a tiny patch
-    of a big cylinder stays a plane, a slightly bent plane never becomes a huge cylinder.
+    of a big cylinder stays a plane, a slightly bent plane never becomes a huge cylinder. Where no kind
+    reaches the noise, what the best one leaves is taken for the noise of this patch: a badly reconstructed
+    face does not become the kind with the most parameters.
 
     Args:
         points: (N, 3).
@@ -68,16 +72,18 @@ def choose(
         effective: most independent observations that the points count for.
         initial: further starts of any kind (a neighbour's axis, the surface of an earlier round).
         rng: as in `fit_robust`.
+        reach: largest believable radius (the size of the object).
 
     Raises:
         ValueError: no kind could be fitted.
     """
     rng = np.random.default_rng(0) if rng is None else rng
+    count = min(len(points), effective)
     found: dict[str, tuple[float, Surface, Mask]] = {}
     for kind in sorted(kinds, key=lambda k: PRICE[k]):
         if len(points) < max(MINIMUM[kind], PARAMETERS[kind]):
             continue
-        least = PRICE[kind] * np.log(max(min(len(points), effective), 2))  # a perfect fit of this kind
+        least = PRICE[kind] * np.log(max(count, 2))  # a perfect fit of this kind
         if any(cost <= least for cost, _, _ in found.values()):
             break
         for start in (None, *(s for s in initial if s.kind == kind)):
@@ -85,18 +91,22 @@ def choose(
                 surface, mask = fit_robust(kind, points, normals, sigma, initial=start, rng=rng)
             except (ValueError, np.linalg.LinAlgError):
                 continue
-            if not plausible(surface, points):
+            if not plausible(surface, points, reach):
                 continue
             cost = description_length(surface, points, normals, sigma, normal_sigma, effective)
             if kind not in found or cost < found[kind][0]:
                 found[kind] = cost, surface, mask
     if not found:
         raise ValueError(f"{len(points)} points determine none of {', '.join(kinds)}")
-    best = min(found, key=lambda k: (found[k][0], PRICE[k]))
-    cost, surface, mask = found[best]
+    spreads = np.array([misfit(f[1], points, normals) for f in found.values()])
+    noise = np.maximum([sigma, normal_sigma], UNEXPLAINED * spreads.min(axis=0))
+    floors = float(noise[0]), float(noise[1])
+    costs = {k: description_length(f[1], points, normals, *floors, effective=effective) for k, f in found.items()}
+    best = min(found, key=lambda k: (costs[k], PRICE[k]))
+    _, surface, mask = found[best]
     near = mask if mask.any() else np.ones(len(points), bool)
     rms = float(np.sqrt(np.mean(surface.signed_distance(points[near]) ** 2)))
-    return Choice(surface, mask, rms, cost, {k: v[0] for k, v in found.items()})
+    return Choice(surface, mask, rms, costs[best], costs)
 
 
 def description_length(
@@ -112,21 +122,36 @@ def description_length(
     s and a are the root mean squares of the best `KEPT` distances and angles, not below their noise; n is
     the number of points, at most `effective`; k the `PRICE` of the kind.
     """
-    distance, turn = residuals(surface, points, normals)
     count = min(len(points), effective)
-    far = _spread(distance) / max(sigma, _SMALL)
-    turned = _spread(turn) / max(normal_sigma, _SMALL)
-    data = 2 * np.log(max(far, 1.0)) + 2 * np.log(max(turned, 1.0))
-    return float(count * data + PRICE[surface.kind] * np.log(max(count, 2)))
+    return data_length(surface, points, normals, sigma, normal_sigma, count) + PRICE[surface.kind] * float(
+        np.log(max(count, 2))
+    )
 
 
-def plausible(surface: Surface, points: Array) -> bool:
-    """False for surfaces that no part has: a radius far beyond the points, a needle or a disc of a cone."""
+def data_length(
+    surface: Surface, points: Array, normals: Array, sigma: float, normal_sigma: float, count: int
+) -> float:
+    """The part of `description_length` that the residuals of `count` independent observations make."""
+    far, turned = misfit(surface, points, normals)
+    excess = max(far / max(sigma, _SMALL), 1.0) * max(turned / max(normal_sigma, _SMALL), 1.0)
+    return float(2 * count * np.log(excess))
+
+
+def misfit(surface: Surface, points: Array, normals: Array) -> tuple[float, float]:
+    """Root mean squares of the smallest `KEPT` share of distances and of angles (radians)."""
+    distance, turn = residuals(surface, points, normals)
+    return _spread(distance), _spread(turn)
+
+
+def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
+    """False for surfaces that no part has: a radius far beyond the points or `reach`, a needle or a disc of a cone."""
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.minor]).all():
         return False
     if surface.kind == "plane":
         return True
+    if surface.radius + surface.minor > reach:
+        return False
     if surface.kind == "torus":
         return surface.minor < 10 * extent and surface.radius < MAX_TORUS_RATIO * surface.minor
     if surface.kind == "cone" and not np.radians(2.0) < surface.angle < np.radians(88.0):

@@ -15,6 +15,7 @@ are *natural* ones (positive along the axis of a plane, away from the axis or ce
 `flipped` plays no part in fitting.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -150,7 +151,13 @@ def _proper(surface: Surface) -> Surface:
     return replace(surface, angle=float(np.clip(surface.angle, MIN_CONE_ANGLE, np.pi / 2 - MIN_CONE_ANGLE)))
 
 
-def refine(surface: Surface, points: Array, weights: Array | None = None, iterations: int = 30) -> Surface:
+def refine(
+    surface: Surface,
+    points: Array,
+    weights: Array | None = None,
+    iterations: int = 30,
+    free: Sequence[int] | None = None,
+) -> Surface:
     """Levenberg's method on the weighted squared signed distances.
 
     Args:
@@ -158,6 +165,7 @@ def refine(surface: Surface, points: Array, weights: Array | None = None, iterat
         points: (N, 3).
         weights: (N,) non-negative, or None for ones.
         iterations: most steps tried.
+        free: columns of the local parameters that may change (the axis of a cylinder stays with (0, 1, 4)).
 
     Returns:
         A surface of the same kind with no larger weighted sum of squares, its origin abreast of the points.
@@ -171,12 +179,17 @@ def refine(surface: Surface, points: Array, weights: Array | None = None, iterat
     distance, jacobian = distance_jacobian(current, scaled)
     cost = float(weights @ distance**2)
     damping = 1e-3
+    # bending moves the centre too: not where it is to stay
+    anchor = np.zeros(3) if free is None or 0 in free else None
+    columns = list(range(jacobian.shape[1]) if free is None else free)
     for _ in range(iterations):
-        weighted = jacobian * weights[:, None]
-        hessian, gradient = weighted.T @ jacobian, weighted.T @ distance
+        moving = jacobian[:, columns]
+        weighted = moving * weights[:, None]
+        hessian, gradient = weighted.T @ moving, weighted.T @ distance
         diagonal = np.diag(hessian) + 1e-9 * total
-        delta = np.asarray(-np.linalg.solve(hessian + damping * np.diag(diagonal), gradient), float)
-        candidate = abreast(moved(current, delta, anchor=np.zeros(3)), scaled, weights)
+        delta = np.zeros(jacobian.shape[1])
+        delta[columns] = -np.linalg.solve(hessian + damping * np.diag(diagonal), gradient)
+        candidate = abreast(moved(current, delta, anchor=anchor), scaled, weights)
         if not _bounded(candidate):
             damping *= 8
             continue

@@ -55,6 +55,7 @@ def fit_robust(
     sigma: float = 0.0,
     initial: Surface | None = None,
     rng: np.random.Generator | None = None,
+    free: Sequence[int] | None = None,
 ) -> tuple[Surface, Mask]:
     """Fit that ignores outliers: starts from subsets, then Tukey reweighting.
 
@@ -65,6 +66,7 @@ def fit_robust(
         sigma: noise of the points; the scale of the residuals is never taken as smaller.
         initial: start; without it closed-form guesses of all points and of subsets compete.
         rng: source of the subsets; a fixed one by default.
+        free: as in `refine`; the other parameters stay as in `initial`.
 
     Returns:
         The surface and the (N,) mask of its inliers (Tukey weight above zero, normal on the right side).
@@ -80,10 +82,10 @@ def fit_robust(
         raise ValueError(f"the points determine no {kind}")
     ranked = _ranked(candidates, few, few_normals, None, TRUSTED)
     keep = 1 if kind == "plane" or initial is not None else REFINED_STARTS
-    settled = [_reweighted(s, few, few_normals, sigma) for s in ranked[:keep]]
+    settled = [_reweighted(s, few, few_normals, sigma, free) for s in ranked[:keep]]
     best = _ranked(settled, few, few_normals, None, TRUSTED)[0]
     if len(few) < len(points):
-        best = _reweighted(best, points, normals, sigma, rounds=1)
+        best = _reweighted(best, points, normals, sigma, free, rounds=1)
     best = oriented(best, points, normals)
     return best, _tukey(best, points, normals, sigma) > 0
 
@@ -205,12 +207,19 @@ def _plane_starts(points: Array, normals: Array) -> Iterable[Surface]:
     yield Surface("plane", middle + (height - middle @ axis) * axis, axis)
 
 
-def _reweighted(surface: Surface, points: Array, normals: Array, sigma: float, rounds: int = ROUNDS) -> Surface:
+def _reweighted(
+    surface: Surface,
+    points: Array,
+    normals: Array,
+    sigma: float,
+    free: Sequence[int] | None = None,
+    rounds: int = ROUNDS,
+) -> Surface:
     for number in range(rounds):
         weights = _tukey(surface, points, normals, sigma)
         if np.count_nonzero(weights) < PARAMETERS[surface.kind]:
             return surface
-        surface = refine(surface, points, weights, iterations=8 if number + 1 < rounds else 20)
+        surface = refine(surface, points, weights, iterations=8 if number + 1 < rounds else 20, free=free)
     return surface
 
 

@@ -1,5 +1,7 @@
 """One surface per label, the noise of the points, and labels that hold more than one face."""
 
+import dataclasses
+
 import numpy as np
 
 from brepgaussian.errors import StageError
@@ -22,6 +24,7 @@ from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
 
+SIMPLE = ("plane", "cylinder")
 TURN_FLOOR, TURN_CEILING = np.radians(0.5), np.radians(12.0)  # believable noise of normals
 JUDGED = 40  # points from which a label may speak about the noise
 POOR = 1.5  # noises: a fit beyond it may hold two faces
@@ -29,12 +32,15 @@ KEPT_SUPPORT = 0.88  # of the members: below it a second face may hide in the la
 SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
 SPLIT_COUNT = 20  # points
 MOST_SPLITS = 6  # faces that one label may hold
+EXPLAINED = 2.0  # noises: parts that fit worse than that are no faces either
 FACE_PRICE = 4.0  # parameters that a further face costs beyond those of its surface: its border
 ALIGNED = np.radians(30.0)  # a point's normal may differ that much, at least, from its surface
 
 
 def fit_labels(cloud: Cloud, settings: PrimitivesSettings) -> tuple[list[Patch], Noise]:
-    """Fit every label twice: freely to learn the noise, then with the noise known.
+    """Fit every label twice: with the two commonest kinds to learn the noise, then with the noise known.
+
+    Flexible kinds would explain part of the noise, which is smooth, and so hide it.
 
     Raises:
         StageError: no label has enough points.
@@ -50,8 +56,9 @@ def fit_labels(cloud: Cloud, settings: PrimitivesSettings) -> tuple[list[Patch],
     if not pieces:
         raise StageError("no label has enough points for a primitive", fix="lower primitives.smallest or check points")
     guess = Noise(settings.sigma_floor, TURN_FLOOR)
-    free = [fit_members((label,), np.concatenate(part), cloud, guess, settings) for label, part in pieces.items()]
-    noise = measure_noise([p for p in free if p is not None], settings)
+    simple = dataclasses.replace(settings, kinds=SIMPLE)
+    first = [fit_members((label,), np.concatenate(part), cloud, guess, simple) for label, part in pieces.items()]
+    noise = measure_noise([p for p in first if p is not None], settings)
     patches: list[Patch] = []
     for label, part in pieces.items():
         patches += _fit_label(label, part, cloud, noise, settings)
@@ -156,6 +163,8 @@ def split(whole: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
     if len(parts) < 2:
         return [whole]
     parts = _shared_out(parts, whole.members, cloud, noise, settings)
+    if any(p.rms > EXPLAINED * noise.distance or p.turn > EXPLAINED * noise.turn for p in parts):
+        return [whole]
     if _length([whole], whole.members, cloud, noise) <= _length(parts, whole.members, cloud, noise):
         return [whole]
     return parts
@@ -213,6 +222,7 @@ def _choice(
             noise.turn,
             initial=initial,
             rng=np.random.default_rng(settings.seed),
+            reach=settings.largest_radius,
         )
     except ValueError:
         return None

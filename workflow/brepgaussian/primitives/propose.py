@@ -210,10 +210,10 @@ def _may_touch(state: State, link: Link) -> bool:
         return True
     if first.kind == "sphere" or second.kind == "sphere":
         return float(np.linalg.norm(value[:-1])) < state.length_tolerance(error)
-    tilt = float(np.linalg.norm(value[: 1 if len(value) == 2 else 2]))
+    tilt = float(np.linalg.norm(value[: 1 if len(value) == 2 else 3]))
     if tilt > state.angle_tolerance(link.first, link.second):
         return False
-    return len(value) < 5 or float(np.linalg.norm(value[2:4])) < state.length_tolerance(error, GAP_CAP)
+    return len(value) < 7 or float(np.linalg.norm(value[3:6])) < state.length_tolerance(error, GAP_CAP)
 
 
 def _lengths(i: int, state: State) -> list[int]:

@@ -37,6 +37,21 @@ MOST_UNDONE = 40  # relations taken back in one step
 HELD = 1e-6  # a relation with a larger residual after the solve contradicts the others
 
 
+def state_of(
+    patches: list[Patch],
+    cloud: Cloud,
+    noise: Noise,
+    settings: PrimitivesSettings,
+    evidence: list[Evidence] | None = None,
+) -> State:
+    """Surfaces with their covariances and contacts."""
+    evidence = [gather(p, cloud, noise) for p in patches] if evidence is None else evidence
+    surfaces = [p.surface for p in patches]
+    covariances = [covariance(s, e) for s, e in zip(surfaces, evidence, strict=True)]
+    table = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))
+    return State(surfaces, covariances, [len(p.members) for p in patches], table >= TOUCHING, noise, settings)
+
+
 class Snapping:
     """Patches, their free fits and the relations kept so far."""
 
@@ -51,11 +66,7 @@ class Snapping:
 
     def state(self) -> State:
         """The present surfaces as the proposals need them."""
-        surfaces = [p.surface for p in self.patches]
-        covariances = [covariance(s, e) for s, e in zip(surfaces, self.evidence, strict=True)]
-        table = contacts(self.cloud, owners(self.patches, len(self.cloud.xyz)), len(self.patches))
-        sizes = [len(p.members) for p in self.patches]
-        return State(surfaces, covariances, sizes, table >= TOUCHING, self.noise, self.settings)
+        return state_of(self.patches, self.cloud, self.noise, self.settings, self.evidence)
 
     def add(self, name: str, proposed: list[Link]) -> list[Link]:
         """Solve with more relations, take back those that the points or the other relations refuse."""

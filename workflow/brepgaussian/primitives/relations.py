@@ -49,8 +49,7 @@ def axis_gap(first: Surface, second: Surface) -> float:
 
 
 def _parallel(first: Surface, second: Surface) -> Array:
-    x, y, _ = first.frame()
-    return np.array([second.axis @ x, second.axis @ y])
+    return np.cross(first.axis, second.axis)  # three rows of rank two: no frame that could jump
 
 
 def _perpendicular(first: Surface, second: Surface) -> Array:
@@ -69,9 +68,8 @@ def _angle(degrees: float) -> Residual:
 
 def _on_axis(first: Surface, second: Surface) -> Array:
     """The second's origin on the first's axis."""
-    x, y, _ = first.frame()
     offset = second.origin - first.origin
-    return np.array([offset @ x, offset @ y])
+    return np.asarray(offset - (offset @ first.axis) * first.axis)
 
 
 def _coaxial(first: Surface, second: Surface) -> Array:
@@ -134,9 +132,7 @@ def _tangent(first: Surface, second: Surface) -> Array:
     if second.kind == "torus":
         gap = _touching(second.radius - first.radius, second.minor)
         return np.append(_coaxial(first, second), gap)
-    x, y, _ = first.frame()
-    offset = second.origin - first.origin
-    distance = float(np.hypot(offset @ x, offset @ y))
+    distance = axis_gap(first, second)
     outside, inside = distance - first.radius - second.radius, distance - abs(first.radius - second.radius)
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
 

@@ -86,8 +86,8 @@ def significance(link: Link, surfaces: list[Surface], covariances: list[Array]) 
     matrix = np.zeros((len(value), len(value)))
     for patch, jacobian in jacobians.items():
         matrix += jacobian @ covariances[patch] @ jacobian.T
-    square = float(value @ np.linalg.pinv(matrix, rcond=1e-10) @ value)
-    return float(np.sqrt(max(square, 0.0) / len(value)))
+    square = float(value @ np.linalg.pinv(matrix, rcond=REDUNDANT) @ value)
+    return float(np.sqrt(max(square, 0.0) / max(int(np.linalg.matrix_rank(matrix, REDUNDANT)), 1)))
 
 
 def solve(surfaces: list[Surface], evidence: list[Evidence], links: list[Link]) -> tuple[list[Surface], Array]:
@@ -140,7 +140,8 @@ def _step(
 
 
 def _pseudo_solve(matrix: Array, right: Array) -> Array:
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    diagonal = np.diag(matrix)
+    scale = 1 / np.sqrt(np.maximum(diagonal, max(REDUNDANT * float(diagonal.max()), 1e-300)))
     values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
     keep = values > REDUNDANT * max(float(values[-1]), 1e-300)
     return np.asarray(scale * (vectors[:, keep] @ ((vectors[:, keep].T @ (scale * right)) / values[keep])))

@@ -12,10 +12,12 @@ from brepgaussian.errors import SettingsError, StageError
 from brepgaussian.geometry.fit import abreast
 from brepgaussian.geometry.surfaces import KINDS
 from brepgaussian.log import get_logger
+from brepgaussian.primitives.absorbing import absorb
 from brepgaussian.primitives.fitting import fit_labels, measure_noise, support
+from brepgaussian.primitives.guided import guide
 from brepgaussian.primitives.merging import merge_neighbours
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, make_cloud
-from brepgaussian.primitives.regularise import regularise
+from brepgaussian.primitives.regularise import regularise, state_of
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.primitives import PrimitivesSettings
 
@@ -58,6 +60,10 @@ def primitives_of(points: Points, settings: PrimitivesSettings) -> Primitives:
     cloud = make_cloud(points, settings.neighbours)
     patches, noise = fit_labels(cloud, settings)
     log.info("%d patches, noise %.4f and %.1f degrees", len(patches), noise.distance, np.degrees(noise.turn))
+    if settings.absorb:
+        patches = absorb(patches, cloud, noise, settings)
+    if settings.guide:
+        patches = guide(patches, state_of(patches, cloud, noise, settings), cloud, noise, settings)
     if settings.merge:
         patches = merge_neighbours(patches, cloud, noise, settings)
         noise = measure_noise(patches, settings)

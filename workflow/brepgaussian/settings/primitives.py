@@ -17,7 +17,7 @@ class PrimitivesSettings:
         ("plane", "cylinder", "sphere", "cone", "torus"), "Kinds of surfaces tried; the paper fits the first two."
     )
     neighbours: int = setting(10, "Nearest points that make two patches adjacent.", minimum=3, maximum=64)
-    sample: int = setting(1500, "Most points of a patch that a fit looks at.", unit="points", minimum=100)
+    sample: int = setting(600, "Most points of a patch that a fit looks at.", unit="points", minimum=100)
     smallest: int = setting(6, "Labels with fewer points give no primitive.", unit="points", minimum=3)
     sigma_floor: float = setting(
         0.0005, "Noise of the points is never taken as smaller.", unit="unit frame", minimum=0.0
@@ -26,7 +26,12 @@ class PrimitivesSettings:
         0.01, "Noise of the points is never taken as larger.", unit="unit frame", minimum=0.0
     )
     inlier_sigmas: float = setting(3.5, "Distance at which a point stops supporting its primitive.", unit="sigma")
+    largest_radius: float = setting(
+        1.5, "Surfaces with larger radii are not believed.", unit="longest side of the object", minimum=0.1
+    )
     split: bool = setting(True, "Split labels that hold two faces.")
+    absorb: bool = setting(True, "Drop small patches that their neighbours' surfaces explain: rounded-off edges.")
+    guide: bool = setting(True, "Try surfaces along the directions and axes of well-known neighbours.")
     merge: bool = setting(True, "Merge labels that are one face.")
     regularise: bool = setting(True, "Snap to parallel, perpendicular, coaxial, tangent, equal and coplanar.")
     significance: float = setting(

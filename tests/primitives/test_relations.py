@@ -1,0 +1,142 @@
+"""Relations: zero where they hold by construction, derivatives, and the constrained solve against a reference."""
+
+import numpy as np
+import pytest
+from brepgaussian.geometry.fit import PARAMETERS, fit, moved
+from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
+from brepgaussian.primitives.relations import Link
+from brepgaussian.primitives.solve import Evidence, covariance, derivative, significance, solve
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sampled_surfaces import noisy, random_surface, sample
+from scipy.optimize import minimize
+
+Z = np.array([0.0, 0, 1])
+X = np.array([1.0, 0, 0])
+O = np.full(3, 0.5)  # noqa: E741
+
+HOLDING = [
+    ("parallel", plane(O, Z), cylinder(O, -Z, 0.2)),
+    ("perpendicular", plane(O, Z), plane(O, X)),
+    ("angle_60", plane(O, Z), plane(O, [np.sin(np.pi / 3), 0, -np.cos(np.pi / 3)])),
+    ("coaxial", cylinder(O, Z, 0.2), cone(O + 0.3 * Z, -Z, 0.1, 0.5)),
+    ("coaxial", torus(O, Z, 0.3, 0.1), sphere(O + 0.1 * Z, 0.2)),
+    ("equal_radius", cylinder(O, Z, 0.2), cylinder(O + X, X, 0.2)),
+    ("equal_radius", torus(O, Z, 0.3, 0.05), torus(O, Z, 0.4, 0.05)),
+    ("equal_angle", cone(O, Z, 0.2, 0.7), cone(O, X, 0.1, 0.7)),
+    ("same", plane(O, Z), plane(O + X, Z)),
+    ("same", cylinder(O, Z, 0.2), cylinder(O + 0.4 * Z, -Z, 0.2)),
+    ("same", cone(O, Z, 0.2, np.pi / 4), cone(O + 0.1 * Z, Z, 0.3, np.pi / 4)),
+    ("same", torus(O, Z, 0.2, 0.1), torus(O, -Z, 0.2, 0.1)),
+    ("same", sphere(O, 0.2), sphere(O, 0.2)),
+    ("tangent", plane(O, Z), cylinder(O - 0.2 * Z, X, 0.2)),
+    ("tangent", cylinder(O + 0.2 * Z, X, 0.2), plane(O, Z)),
+    ("tangent", plane(O, Z), sphere(O - 0.2 * Z, 0.2)),
+    ("tangent", plane(O, Z), torus(O - 0.05 * Z, Z, 0.2, 0.05)),
+    ("tangent", cylinder(O, Z, 0.2), torus(O, Z, 0.15, 0.05)),
+    ("tangent", cylinder(O, Z, 0.2), torus(O, Z, 0.25, 0.05)),
+    ("tangent", cylinder(O, Z, 0.2), sphere(O + 0.1 * Z, 0.2)),
+    ("tangent", cylinder(O, Z, 0.2), cylinder(O + 0.3 * X, Z, 0.1)),
+    ("tangent", cylinder(O, Z, 0.2), cylinder(O + 0.1 * X, Z, 0.1)),
+]
+
+
+@pytest.mark.parametrize(("kind", "first", "second"), HOLDING)
+def test_residual_is_zero_where_the_relation_holds_and_only_there(kind, first, second):
+    link = Link(kind, 0, 1)
+    np.testing.assert_allclose(link.residual(first, second), 0, atol=1e-12)
+    rng = np.random.default_rng(0)
+    other = moved(second, 0.02 * rng.normal(size=PARAMETERS[second.kind]))
+    assert np.abs(link.residual(first, other)).max() > 1e-3
+
+
+@pytest.mark.parametrize(("kind", "first", "second"), HOLDING)
+def test_derivative_predicts_a_small_move(kind, first, second):
+    rng = np.random.default_rng(1)
+    first = moved(first, 0.01 * rng.normal(size=PARAMETERS[first.kind]))
+    link = Link(kind, 0, 1)
+    value, jacobians = derivative(link, [first, second])
+    delta = 1e-4 * rng.normal(size=PARAMETERS[second.kind])
+    np.testing.assert_allclose(link.residual(first, moved(second, delta)), value + jacobians[1] @ delta, atol=1e-6)
+
+
+def evidence_of(points, sigma=0.003):
+    return Evidence(points, np.full(len(points), 1 / sigma**2))
+
+
+@settings(max_examples=4, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_solve_agrees_with_a_slow_reference(seed):
+    """Two planes and a cylinder with right angles, tangency: against SLSQP on the same local parameters."""
+    rng = np.random.default_rng(seed)
+    clouds = []
+    for truth in (plane(O, Z), plane(O, X), cylinder(O - 0.1 * Z + 0.3 * X, [0.0, 1, 0], 0.1)):
+        points, normals = sample(truth, 80, rng, arc=2.0)
+        clouds.append(noisy(points, normals, 0.003, rng, 0.03))
+    start = [fit(k, *c) for k, c in zip(("plane", "plane", "cylinder"), clouds, strict=True)]
+    evidence = [evidence_of(c[0]) for c in clouds]
+    links = [Link("perpendicular", 0, 1), Link("tangent", 0, 2)]
+    solved, left = solve(start, evidence, links)
+    assert left.max() < 1e-9
+
+    cuts = np.cumsum([PARAMETERS[s.kind] for s in start])[:-1]
+
+    def at(x):
+        return [moved(s, d) for s, d in zip(start, np.split(x, cuts), strict=True)]
+
+    def total(surfaces):
+        return sum(float(s.signed_distance(e.xyz) ** 2 @ e.weights) for s, e in zip(surfaces, evidence, strict=True))
+
+    def cost(x):
+        return total(at(x))
+
+    def holds(x):
+        surfaces = at(x)
+        return np.concatenate([k.residual(surfaces[k.first], surfaces[k.second]) for k in links])
+
+    reference = minimize(
+        cost,
+        np.zeros(sum(PARAMETERS[s.kind] for s in start)),
+        constraints={"type": "eq", "fun": holds},
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 300},
+    )
+    ours = total(solved)
+    assert ours <= reference.fun * 1.01 + 0.5
+
+
+def test_redundant_relations_do_no_harm_and_contradictions_show():
+    rng = np.random.default_rng(2)
+    clouds = [noisy(*sample(plane(O, a), 200, rng), 0.002, rng, 0.03) for a in np.eye(3)]
+    start = [fit("plane", *c) for c in clouds]
+    evidence = [evidence_of(c[0]) for c in clouds]
+    right = [Link("perpendicular", 0, 1), Link("perpendicular", 1, 2), Link("perpendicular", 0, 2)]
+    solved, left = solve(start, evidence, right + right)
+    assert left.max() < 1e-9
+    axes = np.array([s.axis for s in solved])
+    np.testing.assert_allclose(np.abs(axes @ axes.T), np.eye(3), atol=1e-9)
+    _, left = solve(start, evidence, [*right, Link("parallel", 0, 1)])
+    assert left.max() > 1e-3
+
+
+def test_significance_counts_standard_deviations():
+    """Residuals of a true relation over its covariance are about one, whatever the noise."""
+    rng = np.random.default_rng(3)
+    for sigma in (0.001, 0.005):
+        ratios = []
+        for _ in range(40):
+            clouds = [noisy(*sample(plane(O, a), 50, rng), sigma, rng) for a in (Z, X)]
+            surfaces = [fit("plane", *c) for c in clouds]
+            covariances = [covariance(s, evidence_of(c[0], sigma)) for s, c in zip(surfaces, clouds, strict=True)]
+            ratios.append(significance(Link("perpendicular", 0, 1), surfaces, covariances))
+        assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+@pytest.mark.parametrize("kind", PARAMETERS)
+def test_without_relations_nothing_moves(kind):
+    rng = np.random.default_rng(4)
+    surface = random_surface(kind, rng)
+    points, _ = sample(surface, 50, rng)
+    solved, left = solve([surface], [evidence_of(points)], [])
+    assert len(left) == 0
+    np.testing.assert_allclose(solved[0].signed_distance(points), surface.signed_distance(points), atol=1e-12)
