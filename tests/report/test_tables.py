@@ -73,6 +73,15 @@ def test_variants_are_compared_on_common_objects_only():
     assert "5_masks" not in found
 
 
+def test_other_methods_stand_beside_ours_where_they_have_scores():
+    scores = dict.fromkeys(c for c in COLUMNS if c.startswith(("surface_", "curve_", "edge_")))
+    other = row("a", "region growing", **scores, patch_f1_008=0.3)
+    found = {t.name: lines_of(t) for t in tables.all_tables([row("a")], GROUPS, [other])}
+    means = {x["method"]: x for x in found["1_patches"] if x["objects are"] == "tuned"}
+    assert float(means["region growing, mean"]["patch_f1_008"]) == 0.3
+    assert {x["method"] for x in found["2_edges"] if x["objects are"] == "tuned"} == {"ours, mean", "ours, median"}
+
+
 def test_all_files_are_written(tmp_path):
     rows = [row("a"), row("a", "views_20", views=20.0), row("a", "masks_truth"), failed("b")]
     write_rows(rows, tmp_path / "metrics.csv")

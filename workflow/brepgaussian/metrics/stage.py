@@ -9,7 +9,7 @@ import numpy as np
 from brepgaussian.artifacts.brep import read_brep
 from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.truth import Truth, read_truth
-from brepgaussian.artifacts.views import Views, read_views
+from brepgaussian.artifacts.views import read_views
 from brepgaussian.geometry.topology import count_topology, sharp_curves
 from brepgaussian.log import get_logger
 from brepgaussian.metrics import patches, solid
@@ -69,7 +69,8 @@ def score_object(
     row |= {"seconds": seconds if seconds is not None else measured_s}
     row |= {"peak_mb": peak_mb if peak_mb is not None else measured_mb}
     row |= score_report(read_brep(brep_h5).report)
-    row |= score_solid(step_path, views, truth, settings, threads)
+    shape = solid.read_step(step_path, views.world_from_unit, views.unit)
+    row |= score_solid(shape, truth, settings, threads)
     if truth is not None:
         row |= score_points(read_points(points_path), truth)
     write_rows([row], out_csv)
@@ -91,11 +92,8 @@ def score_points(points: Points, truth: Truth) -> dict[str, float]:
     return patches.columns("patch", by_patch) | patches.columns("edge", by_edge)
 
 
-def score_solid(
-    step_path: str | Path, views: Views, truth: Truth | None, settings: MetricsSettings, threads: int = 1
-) -> dict[str, Any]:
-    """Columns of the solid: its health and, with a truth, distances, topology and volume (table 3)."""
-    shape = solid.read_step(step_path, views.world_from_unit, views.unit)
+def score_solid(shape: Any, truth: Truth | None, settings: MetricsSettings, threads: int = 1) -> dict[str, Any]:
+    """Columns of a solid in the unit frame: its health and, with a truth, distances, topology, volume (table 3)."""
     health = solid.check(shape)
     counts = count_topology(shape)
     row: dict[str, Any] = {"valid": health.valid, "closed": health.closed, "solids": health.solids}

@@ -32,16 +32,20 @@ MASKS_PREFIX, VIEWS_PREFIX = "masks_", "views_"
 _COUNTS = (Column("objects", "objects", "objects"), Column("failed", "failed", "failed"))
 
 
-def make_tables(metrics_csv: str | Path, groups: Mapping[str, str], out_dir: str | Path) -> None:
+def make_tables(
+    metrics_csv: str | Path, groups: Mapping[str, str], out_dir: str | Path, others: Sequence[str | Path] = ()
+) -> None:
     """Write all tables as CSV, Markdown and LaTeX, the view-count plot, and `readme.md`.
 
     Args:
         metrics_csv: the joined `metrics.csv`.
         groups: object name to `tuned` or `holdout` (`objects.tsv`).
         out_dir: folder of the tables; a table whose variants were not run is left out.
+        others: tables of other methods and baselines on our objects, from `metrics.external` and
+            `metrics.baselines`; they stand beside ours in tables 1 to 3.
     """
     rows = read_rows(metrics_csv)
-    for table in all_tables(rows, groups):
+    for table in all_tables(rows, groups, [row for path in others for row in read_rows(path)]):
         write(table, out_dir)
     views = views_table(rows)
     if views is not None:
@@ -50,14 +54,17 @@ def make_tables(metrics_csv: str | Path, groups: Mapping[str, str], out_dir: str
         temporary.write_text(readme_table(rows, groups), encoding="utf-8")
 
 
-def all_tables(rows: Sequence[Row], groups: Mapping[str, str]) -> list[Table]:
+def all_tables(rows: Sequence[Row], groups: Mapping[str, str], others: Sequence[Row] = ()) -> list[Table]:
     """Every table for which there are rows."""
     full = of_variant(rows, FULL)
+    beside = [*full, *others]
     found: list[Table | None] = [
-        _grouped("1_patches", _segmentation("patch"), paper.PATCHES, full, groups, captions.segmentation("Patch")),
-        _grouped("2_edges", _segmentation("edge"), paper.EDGES, full, groups, captions.segmentation("Edge")),
-        _grouped("3_cad", _cad(), paper.CAD, full, groups, f"CAD reconstruction. {captions.DISTANCES} {captions.OURS}"),
-        _grouped("3_solids", _solids(), (), full, groups, captions.SOLIDS),
+        _grouped("1_patches", _segmentation("patch"), paper.PATCHES, beside, groups, captions.segmentation("Patch")),
+        _grouped("2_edges", _segmentation("edge"), paper.EDGES, beside, groups, captions.segmentation("Edge")),
+        _grouped(
+            "3_cad", _cad(), paper.CAD, beside, groups, f"CAD reconstruction. {captions.DISTANCES} {captions.OURS}"
+        ),
+        _grouped("3_solids", _solids(), (), beside, groups, captions.SOLIDS),
         _variants("4_ablation_patches", _segmentation("patch"), paper.ABLATION_PATCHES, rows, ABLATIONS.__contains__),
         _variants("4_ablation_cad", _cad(), paper.ABLATION_CAD, rows, ABLATIONS.__contains__),
         _variants("5_masks", _mask_columns(), paper.MASKS, rows, lambda name: name.startswith(MASKS_PREFIX)),
@@ -124,8 +131,13 @@ def _grouped(
         return None
     lines = [_paper_line(("paper's objects",), row, columns) for row in theirs]
     rules = [len(lines)]
+    methods = list(dict.fromkeys(row["variant"] for row in rows))
     for group, members in by_group(rows, groups).items():
-        lines += _our_lines((group,), "ours", members, columns)
+        for method in methods:
+            own = of_variant(members, method)
+            if any(row["status"] == FAILED or row[column] is not None for row in own for column in columns):
+                name_and_source = ("ours", "images") if method == FULL else (method, None)
+                lines += _our_lines((group,), name_and_source[0], own, columns, name_and_source[1])
         rules.append(len(lines))
     return Table(name, caption, _head("objects are") + tuple(columns.values()), tuple(lines), tuple(rules))
 
@@ -160,15 +172,15 @@ def _paper_line(head: tuple[str], row: paper.PaperRow, columns: Mapping[str, Col
 
 
 def _our_lines(
-    head: tuple[str], method: str, rows: Sequence[Row], columns: Mapping[str, Column]
+    head: tuple[str], method: str, rows: Sequence[Row], columns: Mapping[str, Column], source: str | None = "images"
 ) -> list[tuple[Cell, ...]]:
     averages = [average(rows, name) for name in columns]
     counts = (len(rows), failures(rows))
     means = tuple(None if a is None else a.mean for a in averages)
     medians = tuple(None if a is None else a.median for a in averages)
     return [
-        (*head, f"{method}, mean", "images", *counts, *means),
-        (*head, f"{method}, median", "images", *counts, *medians),
+        (*head, f"{method}, mean", source, *counts, *means),
+        (*head, f"{method}, median", source, *counts, *medians),
     ]
 
 
