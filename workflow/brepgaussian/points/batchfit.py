@@ -11,21 +11,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.geometry.surfaces import ROW_LENGTH
+from brepgaussian.points.shading import Shading, predicted_gradients
 
 Array = NDArray[np.float64]
 PARAMETERS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
 MAX_RADIUS = 5.0  # unit frame: five times the object; flatter than that is a plane
 _STEP = 1e-5  # numeric derivatives: lengths in the unit frame, angles in radians
 _SMALL = 1e-9
+KNEE = 4.0  # of a node's cost: a misfit of two standard deviations in each of two directions
+SHADING_CAP = 6.0  # of the squared residual of a gradient: shadows and highlights are no proof
 _HOPELESS = 40.0  # mean squared residual of a start, in units of the noise, that no refinement mends
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of the points: distance (unit frame) and normal (radians)."""
+    """Standard deviations: distance (unit frame), normal (radians), gradient of the grey level (per unit length).
+
+    `shading` predicts grey levels from normals; None leaves them out.
+    """
 
     distance: float
     normal: float
+    gradient: float = np.inf
+    shading: Shading | None = None
+
+
+@dataclass(frozen=True)
+class Sets:
+    """B sets of M nodes.
+
+    Attributes:
+        points, normals: (B, M, 3); gradients: (B, M, 3) of the grey level, NaN = unknown.
+        weights: (B, M) non-negative.
+    """
+
+    points: Array
+    normals: Array
+    gradients: Array
+    weights: Array
+
+    def take(self, index: NDArray[np.int64]) -> "Sets":
+        """Some of the sets."""
+        return Sets(self.points[index], self.normals[index], self.gradients[index], self.weights[index])
+
+    def weighted(self, weights: Array) -> "Sets":
+        """The same with other weights."""
+        return Sets(self.points, self.normals, self.gradients, weights)
 
 
 def evaluate(kind: str, rows: Array, points: Array) -> tuple[Array, Array]:
@@ -56,27 +87,53 @@ def evaluate(kind: str, rows: Array, points: Array) -> tuple[Array, Array]:
     return sign * (length - minor), sign[..., None] * normal
 
 
-def costs(kind: str, rows: Array, points: Array, normals: Array, noise: Noise, cap: float) -> Array:
-    """(B, M) half the squared residuals in units of the noise, at most `cap`."""
-    distance, normal = evaluate(kind, rows, points)
-    turn = ((normal - normals) ** 2).sum(2)
+def soften(costs: Array) -> Array:
+    """Costs that grow only with their logarithm beyond `KNEE`: errors have heavy tails, and yet order counts."""
+    costs = np.nan_to_num(costs, nan=1e6, posinf=1e6)
+    return np.where(costs < KNEE, costs, KNEE * (1 + np.log(np.maximum(costs, KNEE) / KNEE)))
+
+
+def costs(kind: str, rows: Array, sets: Sets, noise: Noise) -> Array:
+    """(B, M) half the squared residuals in units of the noise, softened."""
+    distance, normal = evaluate(kind, rows, sets.points)
+    turn = ((normal - sets.normals) ** 2).sum(2)
     value = 0.5 * ((distance / noise.distance) ** 2 + turn / noise.normal**2)
-    return np.minimum(np.nan_to_num(value, nan=cap, posinf=cap), cap)
+    value += 0.5 * shading_costs(kind, rows, sets, noise)
+    return soften(value)
 
 
-def fit(kind: str, points: Array, normals: Array, weights: Array, noise: Noise, iterations: int = 4) -> Array:
+def shading_costs(kind: str, rows: Array, sets: Sets, noise: Noise) -> Array:
+    """(B, M) squared residual of the grey level's gradient, at most `SHADING_CAP`, 0 where it is unknown."""
+    if noise.shading is None or not np.isfinite(noise.gradient):
+        return np.zeros(sets.points.shape[:2])
+    off = shading_residuals(kind, rows, sets, noise) / noise.gradient**2
+    return np.minimum(np.nan_to_num(off, nan=0.0), SHADING_CAP)
+
+
+def shading_residuals(kind: str, rows: Array, sets: Sets, noise: Noise) -> Array:
+    """(B, M) squared difference between the grey level's gradient and the primitive's, NaN = unknown."""
+    slope = sets.gradients
+    if kind != "plane" and noise.shading is not None:
+        slope = slope - predicted_gradients(
+            noise.shading, lambda x: evaluate(kind, rows, x)[1], sets.points, sets.normals
+        )
+    return (slope**2).sum(2)
+
+
+def fit(kind: str, sets: Sets, noise: Noise, iterations: int = 4) -> Array:
     """Fit one kind to B sets.
 
     Args:
         kind: one of `geometry.surfaces.KINDS`.
-        points, normals: (B, M, 3); weights: (B, M) non-negative, not all zero in a set.
+        sets: B sets; the weights of none may all be zero.
         noise: standard deviations.
         iterations: of Levenberg and Marquardt.
 
     Returns:
         (B, 10) rows; a set that determines nothing gets some surface with a large residual.
     """
-    share = weights / np.maximum(weights.sum(1, keepdims=True), _SMALL)
+    points, normals = sets.points, sets.normals
+    share = sets.weights / np.maximum(sets.weights.sum(1, keepdims=True), _SMALL)
     if kind == "plane":
         return _plane(points, normals, share, noise)
     starts = {"sphere": _spheres, "cylinder": _cylinders, "cone": _cones, "torus": _tori}[kind](points, normals, share)

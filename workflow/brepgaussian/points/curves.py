@@ -18,6 +18,8 @@ _SUPPORT = 2.5  # spacings from a curve to the border points that support it
 _REACH = 3.5  # spacings beyond the last support where a third patch may end the curve
 _SHIFT = 2.0  # spacings from a border point to the curve that it stands for
 _LEAST_SHARP = 0.5  # share of a border that lies by the curve: where it is less, the patches are tangent
+_GAP = 8.0  # spacings without support that a curve may bridge
+_LEAST_DENSITY = 0.7  # border points per spacing of length
 _LEAST_SUPPORT = 4  # border points
 _MOST_STEPS = 4000
 _SHORTEST = 1.5  # spacings
@@ -91,42 +93,93 @@ def _walk_all(
     on: Array, pair: tuple[int, int], surfaces: list[Surface], trees: dict[int, cKDTree], spacing: float, step: float
 ) -> list[Curve]:
     """Walk from a border point not yet passed, until all are passed."""
-    curves = []
+    curves: list[Curve] = []
     left = np.ones(len(on), bool)
-    support = cKDTree(on) if len(on) else None
-    while left.any() and support is not None:
-        # start where the border is densest, not at a stray point
-        candidates = np.flatnonzero(left)
-        start = on[
-            candidates[
-                np.argmin(support.query(on[candidates], k=min(4, len(on)))[0].reshape(len(candidates), -1)[:, -1])
-            ]
-        ]
-        path, closed = walk(start, surfaces[pair[0]], surfaces[pair[1]], support, _SUPPORT * spacing, step)
-        distance = cKDTree(path).query(on)[0]
-        passed = left & (distance < _SUPPORT * spacing)
-        passed[np.argmin(np.where(left, np.linalg.norm(on - start, axis=1), np.inf))] = True
+    if not len(on):
+        return curves
+    support = cKDTree(on)
+    crowd = support.query(on, k=min(4, len(on)))[0].reshape(len(on), -1)[:, -1]
+    reach = _SUPPORT * spacing
+    while left.any():
+        start = int(np.argmin(np.where(left, crowd, np.inf)))  # where the border is densest, not at a stray point
+        path, closed = walk(on[start], surfaces[pair[0]], surfaces[pair[1]], support, reach, _GAP * spacing, step)
+        passed = left & (cKDTree(path).query(on)[0] < reach)
+        passed[start] = True
         left &= ~passed
-        if passed.sum() < _LEAST_SUPPORT:
-            continue
-        if not closed:
-            path = _trim(path, pair, surfaces, trees, on, spacing, step)
-        if len(path) >= 2 and np.linalg.norm(np.diff(path, axis=0), axis=1).sum() >= _SHORTEST * spacing:
-            curves.append(Curve(path, pair, closed))
+        supported = support.query(path)[0] < reach
+        for piece, whole in _pieces(path, supported, closed, pair, surfaces, trees, spacing):
+            count = int((cKDTree(piece).query(on[passed])[0] < reach).sum())
+            if count < _LEAST_SUPPORT:
+                continue
+            if not whole:
+                piece = _trim(piece, pair, surfaces, trees, on, spacing, step)
+            length = np.linalg.norm(np.diff(piece, axis=0), axis=1).sum()
+            if len(piece) >= 2 and length >= _SHORTEST * spacing and count >= _LEAST_DENSITY * length / spacing:
+                curves.append(Curve(piece, pair, whole))
     return curves
 
 
-def walk(start: Array, one: Surface, other: Surface, support: cKDTree, reach: float, step: float) -> tuple[Array, bool]:
+def _pieces(
+    path: Array, supported: NDArray[np.bool_], closed: bool, pair: tuple[int, int], surfaces: list[Surface],
+    trees: dict[int, cKDTree], spacing: float,
+) -> list[tuple[Array, bool]]:  # fmt: skip
+    """Cut a path at the stretches without support that a third patch crosses; others are gaps in the points."""
+    bridged = supported.copy()
+    count = len(path)
+    if supported.all() or not supported.any():
+        return [(path, closed)]
+    shift = int(np.flatnonzero(supported)[0]) if closed else 0
+    order = np.roll(np.arange(count), -shift)  # a closed path then starts with support
+    flags = supported[order]
+    runs = np.flatnonzero(np.diff(np.concatenate([[0], (~flags).astype(int), [0]])))
+    for first, last in runs.reshape(-1, 2):
+        index = np.arange(first - 1, last + 1)
+        index = order[index % count] if closed else order[np.clip(index, 0, count - 1)]
+        if not _crossed(path[index], pair, surfaces, trees, spacing):
+            bridged[index] = True
+    if bridged.all():
+        return [(path, closed)]
+    shift = int(np.flatnonzero(~bridged)[0]) if closed else 0
+    order = np.roll(np.arange(count), -shift)
+    flags = bridged[order]
+    runs = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]]))).reshape(-1, 2)
+    return [(path[order[first:last]], False) for first, last in runs]
+
+
+def _crossed(
+    stretch: Array, pair: tuple[int, int], surfaces: list[Surface], trees: dict[int, cKDTree], spacing: float
+) -> bool:
+    """Whether a third patch, present there, crosses a stretch of a path."""
+    for k, tree in trees.items():
+        if k in pair or not (tree.query(stretch)[0] < 2 * _BORDER * spacing).any():
+            continue
+        value = surfaces[k].signed_distance(stretch)
+        if (value[:-1] * value[1:] <= 0).any():
+            return True
+    return False
+
+
+def walk(
+    start: Array, one: Surface, other: Surface, support: cKDTree, reach: float, gap: float, step: float
+) -> tuple[Array, bool]:
     """Walk along the intersection of two surfaces from a point on it, both ways, as far as there is support.
 
+    Args:
+        start: (3,) on both surfaces.
+        one, other: the surfaces.
+        support: border points; reach: distance at which they support the path.
+        gap: length without support after which the walk stops.
+        step: distance between the points of the path.
+
     Returns:
-        (S, 3) ordered points and whether they close.
+        (S, 3) ordered points, the ends supported, and whether they close.
     """
     halves = []
     for sign in (1.0, -1.0):
         path = [start]
+        last = 0
         heading: Array | None = None
-        while len(path) < _MOST_STEPS:
+        while len(path) < _MOST_STEPS and (len(path) - 1 - last) * step <= gap:
             here = path[-1][None]
             tangent = np.cross(one.normals(here)[0], other.normals(here)[0])
             length = np.linalg.norm(tangent)
@@ -141,12 +194,12 @@ def walk(start: Array, one: Surface, other: Surface, support: cKDTree, reach: fl
             there, valid = project(here + step * tangent, one, other)
             if not valid[0] or np.linalg.norm(there[0] - here[0]) > 2 * step:
                 break
-            if support.query(there[0], distance_upper_bound=reach)[0] == np.inf:
-                break
             path.append(there[0])
+            if support.query(there[0], distance_upper_bound=reach)[0] < np.inf:
+                last = len(path) - 1
             if len(path) > 6 and np.linalg.norm(there[0] - start) < 0.75 * step:
                 return np.array(path[:-1]), True
-        halves.append(path)
+        halves.append(path[: last + 1])
     return np.array(halves[1][:0:-1] + halves[0]), False
 
 

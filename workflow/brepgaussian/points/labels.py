@@ -18,6 +18,7 @@ from brepgaussian.points.bridges import joined
 from brepgaussian.points.graph import Graph, Index, compact, components
 from brepgaussian.points.merge import KIND_PENALTY, Merger, Models, Nodes, Sampler, best_models, parts_of
 from brepgaussian.points.pearl import alpha_expansion
+from brepgaussian.points.shading import fit_shading
 from brepgaussian.points.superpoints import contract
 
 Array = NDArray[np.float64]
@@ -30,15 +31,19 @@ _TURN = np.radians(9.0)  # a turn between neighbours that speaks neither for nor
 _BEND = np.cos(np.radians(11.0))  # parts of a superpoint agree this well, so a fillet starts as strips
 _NORMAL_WEIGHT, _SHARE_NEUTRAL, _FULL_VIEWS = 1.5, 0.8, 8.0
 _REFIT_SAMPLE = 160
+_QUANTILE = 0.7  # of the residuals that tell the noise
+_NORMAL_QUANTILE, _RAYLEIGH_QUANTILE = 1.0364, 1.5518  # of |x| and of the length of a 2D vector, unit sigma
+_GRADIENT_FLOOR = 20.0  # grey levels per unit length: light from neighbouring faces
 _LARGE = 40  # nodes of a part that tells about the noise
-_DATA_CAP = 6.0  # of a node's cost: beyond it a label is wrong, no matter by how much
+_REACH = 6.0  # how much dearer a label may be for a node that joins an expansion
 _EDGE_NORMALS = 0.25  # share of the normals' cost that is left at an edge
+_EDGE_WEIGHT = 0.3  # of a node at an edge: rounded off, it lies on no patch
 _NEAR = 4.0  # spacings from a node to the nearest node of a label that it may take
 _BRIDGE = 6.0  # spacings over which pieces of one surface are tried as one patch
 _CLEARANCE = 0.3  # of the noise: primitives of many points lie this well
-_STRAY = 7.0  # cost of a node without a label
+_STRAY = 14.0  # cost of a node without a label
 _LABEL_COST = 25.0  # what a label must save to stay
-_SMOOTH, _SMOOTH_FLOOR = 0.9, 0.06  # cost of cutting a pair within a region, and across a border
+_SMOOTH, _SMOOTH_FLOOR = 0.6, 0.06  # cost of cutting a pair within a region, and across a border
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,9 @@ class Labelling:
 def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed: int) -> Labelling:
     """Label nodes of an object with an unknown number of patches."""
     noise = pair_noise(nodes, graph)
-    labels = contract(graph.pairs, affinity(nodes, graph), nodes.normals, float(_BEND))
-    labels = _drop_small(labels, 3)
+    inner = nodes.core[graph.pairs].all(1)
+    labels = contract(graph.pairs[inner], affinity(nodes, graph)[inner], nodes.normals, float(_BEND))
+    labels = _drop_small(np.where(nodes.core, labels, -1), 3)
     log.info("superpoints: %d, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
     if labels.max(initial=-1) < 0:
         labels = components(graph.pairs, np.zeros(len(nodes.xyz), np.int64))
@@ -150,17 +156,28 @@ def surface_noise(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Noise
     parts = [p for p in parts_of(labels) if len(p) >= _LARGE]
     if not parts:
         return noise
-    points, normals, weights = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
-    models = best_models(points, normals, weights, noise)
-    distances, turns = [], []
+    models = best_models(Sampler(nodes, seed)(parts, _REFIT_SAMPLE), noise)
+    distances, turns, slopes = [], [], []
+    shading = fit_shading(nodes.normals, nodes.grey, nodes.trust)
+    trial = Noise(noise.distance, noise.normal, 1.0, shading)
     for k, part in enumerate(parts):
-        p, n = nodes.xyz[part][None], nodes.normals[part][None]
-        d, m = batchfit.evaluate(str(models.kinds[k]), models.rows[k : k + 1], p)
+        part = part[nodes.core[part]] if nodes.core[part].any() else part
+        sets = nodes.sets(part[None], np.ones((1, len(part))))
+        d, m = batchfit.evaluate(str(models.kinds[k]), models.rows[k : k + 1], sets.points)
         distances.append(np.abs(d[0]))
-        turns.append(np.linalg.norm(m[0] - n[0], axis=1))
-    # medians over all their nodes: a part that is two faces, or the blurred normals at edges, weigh little
-    rise, turn = np.median(np.concatenate(distances)), np.median(np.concatenate(turns))
-    return _bounded(float(rise) / 0.6745, float(turn) / 1.1774 * np.sqrt(2))
+        turns.append(np.linalg.norm(m[0] - sets.normals[0], axis=1))
+        if shading is not None:
+            known = np.isfinite(sets.gradients[0, :, 0])
+            off = batchfit.shading_residuals(str(models.kinds[k]), models.rows[k : k + 1], sets, trial)[0, known]
+            slopes.append(np.sqrt(off))
+    # quantiles over all their nodes: errors have heavy tails, yet a part that is two faces must not count
+    rise, turn = (float(np.quantile(np.concatenate(v), _QUANTILE)) for v in (distances, turns))
+    estimate = _bounded(rise / _NORMAL_QUANTILE, turn / _RAYLEIGH_QUANTILE * np.sqrt(2))
+    slope = np.concatenate(slopes) if slopes else np.zeros(0)
+    if shading is None or not len(slope):
+        return estimate
+    gradient = max(float(np.quantile(slope, _QUANTILE)) / _RAYLEIGH_QUANTILE * np.sqrt(2), _GRADIENT_FLOOR)
+    return Noise(estimate.distance, estimate.normal, gradient, shading)
 
 
 def _bounded(distance: float, normal: float) -> Noise:
@@ -174,9 +191,10 @@ def affinity(nodes: Nodes, graph: Graph) -> Array:
     """(E,) attraction of neighbours: votes, angle between the normals, further evidence."""
     i, j = graph.pairs.T
     share = graph.same / np.maximum(graph.both, 1)
+    sure = np.minimum(nodes.trust[i], nodes.trust[j])
     votes = (share - _SHARE_NEUTRAL) * np.minimum(graph.both, _FULL_VIEWS) / _FULL_VIEWS
     angle = np.arccos(np.clip((nodes.normals[i] * nodes.normals[j]).sum(1), -1, 1))
-    return votes + _NORMAL_WEIGHT * np.clip(1 - angle / _TURN, -1, 1) + graph.extra
+    return votes + sure * _NORMAL_WEIGHT * np.clip(1 - angle / _TURN, -1, 1) + graph.extra
 
 
 def refit(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Models:
@@ -184,18 +202,15 @@ def refit(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Models:
     parts = parts_of(labels)
     if not parts:
         return Models(np.zeros(0, "<U8"), np.zeros((0, 10)), np.zeros(0))
-    points, normals, weights = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
-    models = best_models(points, normals, weights, noise)
-    costs = np.stack(
+    sets = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
+    models = best_models(sets, noise)
+    costs = np.concatenate(
         [
-            batchfit.costs(str(models.kinds[k]), models.rows[k : k + 1], points[k][None], normals[k][None], noise, 1e3)[
-                0
-            ]
+            batchfit.costs(str(models.kinds[k]), models.rows[k : k + 1], sets.take(np.array([k])), noise)
             for k in range(len(parts))
         ]
     )
-    trimmed = weights * np.where(costs < 4.0, 1.0, 4.0 / np.maximum(costs, 4.0))
-    return best_models(points, normals, trimmed, noise)
+    return best_models(sets.weighted(sets.weights * np.where(costs < 4.0, 1.0, 4.0 / np.maximum(costs, 4.0))), noise)
 
 
 def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, spacing: float) -> Index:
@@ -203,17 +218,18 @@ def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise,
     data = data_costs(nodes, labels, models, noise, spacing)
     weights = pair_weights(graph)
     start = np.where(labels >= 0, labels, data.argmin(1))
-    found = alpha_expansion(data, graph.pairs, weights, start, reach=_DATA_CAP)
+    found = alpha_expansion(data, graph.pairs, weights, start, reach=_REACH)
     return drop_labels(data, graph, weights, found)
 
 
 def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacing: float) -> Array:
-    """(N, L) cost of each label for each node, capped; beyond a label's neighbours it is prohibitive.
+    """(N, L) cost of each label for each node; beyond a label's neighbours it is prohibitive.
 
     Near edges the normals are blurred, so there the distance decides.
     """
     data = np.full((len(nodes.xyz), len(models.kinds)), 1e6)
-    believe = _EDGE_NORMALS + (1 - _EDGE_NORMALS) * nodes.trust
+    believe = np.where(nodes.core, _EDGE_NORMALS + (1 - _EDGE_NORMALS) * nodes.trust, 0.0)
+    weigh = np.where(nodes.core, 1.0, _EDGE_WEIGHT)
     for k, (kind, row) in enumerate(zip(models.kinds, models.rows, strict=True)):
         members = nodes.xyz[labels == k]
         if not len(members):
@@ -221,10 +237,12 @@ def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacin
         close = cKDTree(members).query(nodes.xyz, distance_upper_bound=_NEAR * spacing)[0] < np.inf
         around = np.bincount(labels[close & (labels >= 0)], minlength=len(models.kinds)) > 0
         near = np.flatnonzero(close | (around[labels] & (labels >= 0)))
-        distance, normal = batchfit.evaluate(str(kind), row[None], nodes.xyz[near][None])
+        sets = nodes.sets(near[None], np.ones((1, len(near))))
+        distance, normal = batchfit.evaluate(str(kind), row[None], sets.points)
         turn = ((normal[0] - nodes.normals[near]) ** 2).sum(1) / noise.normal**2
         value = 0.5 * ((distance[0] / noise.distance) ** 2 + believe[near] * turn)
-        data[near, k] = np.minimum(value, _DATA_CAP) + KIND_PENALTY[str(kind)]
+        value += 0.5 * believe[near] * batchfit.shading_costs(str(kind), row[None], sets, noise)[0]
+        data[near, k] = weigh[near] * batchfit.soften(value) + KIND_PENALTY[str(kind)]
     return data
 
 

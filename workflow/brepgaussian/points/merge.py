@@ -6,15 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.points import batchfit
-from brepgaussian.points.batchfit import Noise
+from brepgaussian.points.batchfit import Noise, Sets
 from brepgaussian.points.graph import Graph, Index, compact
 
 Array = NDArray[np.float64]
-KIND_PENALTY = {"plane": 0.0, "cylinder": 0.08, "sphere": 0.08, "cone": 0.14, "torus": 0.2}
-CAP = 8.0  # of one point's cost: two standard deviations in each of four directions
+KIND_PENALTY = {"plane": 0.0, "cylinder": 0.1, "sphere": 0.12, "cone": 0.18, "torus": 0.25}
+LEAST_GAIN = 0.15  # of the cost of a plane that a curved primitive must save: errors are smooth, not white
+SMALL_WELL = 15.0  # more for a part of one node, less with the root of their number
+WELL = 1.5  # cost of a part that its own primitive explains well enough; what is above is no reason to merge
 SAMPLE = 32  # points that stand for a part in a fit
 _NEUTRAL_SHARE, _NEUTRAL_VIEWS = 0.8, 6.0  # prior of the votes of a border: what chance and bad masks give
-_CORRELATED = 0.3  # rise in cost that chance gives a large part: errors of the nodes are correlated
+_CORRELATED = 0.5  # rise in cost that chance gives a large part: errors of the nodes are correlated
 _SINGLE = 4.0  # and one node
 _MOST_ROUNDS = 60
 _GOOD = 0.5  # of the tolerance; a primitive that fits as well needs no rival
@@ -26,11 +28,20 @@ class Nodes:
 
     Attributes:
         xyz, normals: (N, 3); trust: (N,) weight in fits, low near edges where normals are blurred.
+        core: (N,) whether a node speaks for a patch; the others, at edges, follow.
+        grey: (N,) grey level, NaN = not seen; gradients: (N, 3) its tangential gradient, NaN = unknown.
     """
 
     xyz: Array
     normals: Array
     trust: Array
+    core: NDArray[np.bool_]
+    grey: Array
+    gradients: Array
+
+    def sets(self, chosen: Index, weights: Array) -> Sets:
+        """Nodes (B, M) as sets with weights (B, M)."""
+        return Sets(self.xyz[chosen], self.normals[chosen], self.gradients[chosen], weights)
 
 
 @dataclass(frozen=True)
@@ -49,16 +60,18 @@ class Sampler:
         self.nodes = nodes
         self._rank = np.random.default_rng(seed).permutation(len(nodes.xyz))
 
-    def __call__(self, parts: list[Index], size: int = SAMPLE) -> tuple[Array, Array, Array]:
-        """(C, size, 3) points, normals and (C, size) weights, zero where a part has fewer points."""
+    def __call__(self, parts: list[Index], size: int = SAMPLE) -> Sets:
+        """C sets of `size` nodes; weights are zero where a part has fewer."""
         chosen = np.zeros((len(parts), size), np.int64)
         weights = np.zeros((len(parts), size))
         for row, part in enumerate(parts):
+            if self.nodes.core[part].any():
+                part = part[self.nodes.core[part]]
             if len(part) > size:
                 part = part[np.argpartition(self._rank[part], size)[:size]]
             chosen[row, : len(part)] = part
             weights[row, : len(part)] = self.nodes.trust[part]
-        return self.nodes.xyz[chosen], self.nodes.normals[chosen], weights
+        return self.nodes.sets(chosen, weights)
 
 
 def parts_of(labels: Index) -> list[Index]:
@@ -68,26 +81,24 @@ def parts_of(labels: Index) -> list[Index]:
     return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(order) else []
 
 
-def best_models(
-    points: Array, normals: Array, weights: Array, noise: Noise, kinds: tuple[str, ...] = tuple(KIND_PENALTY)
-) -> Models:
-    """The kind of lowest mean cost, simpler kinds preferred, of each of B sets of M points."""
-    count = len(points)
+def best_models(sets: Sets, noise: Noise) -> Models:
+    """The kind of lowest mean cost, simpler kinds preferred, of each of B sets."""
+    count = len(sets.points)
     chosen = np.full(count, "plane", dtype="<U8")
-    rows = batchfit.fit("plane", points, normals, weights, noise)
-    cost = _mean(batchfit.costs("plane", rows, points, normals, noise, CAP), weights)
+    rows = batchfit.fit("plane", sets, noise)
+    cost = _mean(batchfit.costs("plane", rows, sets, noise), sets.weights)
     rank = cost.copy()
     curved = np.flatnonzero(cost > 2 * KIND_PENALTY["cylinder"])
-    for kind in kinds:
+    for kind, penalty in KIND_PENALTY.items():
         if kind == "plane" or not len(curved):
             continue
-        p, n, w = points[curved], normals[curved], weights[curved]
-        found = batchfit.fit(kind, p, n, w, noise)
-        value = _mean(batchfit.costs(kind, found, p, n, noise, CAP), w)
-        better = value + KIND_PENALTY[kind] < rank[curved]
+        some = sets.take(curved)
+        found = batchfit.fit(kind, some, noise)
+        value = _mean(batchfit.costs(kind, found, some, noise), some.weights)
+        better = value + penalty < np.where(chosen[curved] == "plane", 1 - LEAST_GAIN, 1.0) * rank[curved]
         where = curved[better]
         chosen[where], rows[where], cost[where] = kind, found[better], value[better]
-        rank[where] = value[better] + KIND_PENALTY[kind]
+        rank[where] = value[better] + penalty
     return Models(chosen, rows, cost)
 
 
@@ -98,7 +109,7 @@ def _mean(costs: Array, weights: Array) -> Array:
 def tolerance(same: Array, both: Array, extra: Array) -> Array:
     """How much dearer a part may become: less where the images show a border, more where they show none."""
     share = (same + _NEUTRAL_SHARE * _NEUTRAL_VIEWS) / (both + _NEUTRAL_VIEWS)
-    value = np.interp(share, [0.3, 0.55, 0.8, 0.97], [0.05, 0.25, 0.8, 1.4])
+    value = np.interp(share, [0.3, 0.55, 0.8, 0.97], [0.05, 0.25, 0.8, 2.0])
     return value * np.exp(np.clip(extra, -2.0, 1.0))
 
 
@@ -123,7 +134,7 @@ class Merger:
         self.noise = noise
         self.sampler = Sampler(nodes, seed)
         self.parts: dict[int, Index] = dict(enumerate(parts_of(labels)))
-        self.points: dict[int, tuple[Array, Array, Array]] = {}
+        self.sets: dict[int, tuple[Array, ...]] = {}
         self.own: dict[int, float] = {}
         self.pairs: dict[tuple[int, int], _Pair] = {}
         self._count = len(labels)
@@ -133,10 +144,10 @@ class Merger:
     def _describe(self, ids: list[int]) -> None:
         if not ids:
             return
-        points, normals, weights = self.sampler([self.parts[i] for i in ids])
-        models = best_models(points, normals, weights, self.noise)
+        sets = self.sampler([self.parts[i] for i in ids])
+        models = best_models(sets, self.noise)
         for row, i in enumerate(ids):
-            self.points[i] = (points[row], normals[row], weights[row])
+            self.sets[i] = (sets.points[row], sets.normals[row], sets.gradients[row], sets.weights[row])
             self.own[i] = float(models.cost[row])
 
     def _find_pairs(self, graph: Graph, labels: Index) -> None:
@@ -167,26 +178,26 @@ class Merger:
         """Cost of one primitive for both parts of each pair, over the tolerance."""
         if not keys:
             return
-        one = [np.stack([self.points[a][f] for a, _ in keys]) for f in range(3)]
-        two = [np.stack([self.points[b][f] for _, b in keys]) for f in range(3)]
+        one = [np.stack([self.sets[a][f] for a, _ in keys]) for f in range(4)]
+        two = [np.stack([self.sets[b][f] for _, b in keys]) for f in range(4)]
         size_a = np.array([len(self.parts[a]) for a, _ in keys], float)[:, None]
         size_b = np.array([len(self.parts[b]) for _, b in keys], float)[:, None]
         # square roots: a large part leads without silencing the small one
-        w_a = one[2] * np.sqrt(size_a) / np.maximum(one[2].sum(1, keepdims=True), 1e-9)
-        w_b = two[2] * np.sqrt(size_b) / np.maximum(two[2].sum(1, keepdims=True), 1e-9)
-        points, normals = np.concatenate([one[0], two[0]], 1), np.concatenate([one[1], two[1]], 1)
-        weights = np.concatenate([w_a, w_b], 1)
+        w_a = one[3] * np.sqrt(size_a) / np.maximum(one[3].sum(1, keepdims=True), 1e-9)
+        w_b = two[3] * np.sqrt(size_b) / np.maximum(two[3].sum(1, keepdims=True), 1e-9)
+        joint = Sets(*(np.concatenate([one[f], two[f]], 1) for f in range(3)), np.concatenate([w_a, w_b], 1))
         pairs = [self.pairs[k] for k in keys]
         allowed = tolerance(
             np.array([p.same for p in pairs]), np.array([p.both for p in pairs]), np.array([p.extra for p in pairs])
         )
         surer_a, surer_b = certainty(size_a[:, 0]), certainty(size_b[:, 0])
-        own = np.array([[self.own[a], self.own[b]] for a, b in keys])
+        excused = WELL + SMALL_WELL / np.sqrt(np.concatenate([size_a, size_b], 1))
+        own = np.minimum(np.array([[self.own[a], self.own[b]] for a, b in keys]), excused)
         ratio = np.full(len(keys), np.inf)
         todo = np.arange(len(keys))
         for kind, penalty in KIND_PENALTY.items():
-            rows = batchfit.fit(kind, points[todo], normals[todo], weights[todo], self.noise)
-            cost = batchfit.costs(kind, rows, points[todo], normals[todo], self.noise, CAP)
+            some = joint.take(todo)
+            cost = batchfit.costs(kind, batchfit.fit(kind, some, self.noise), some, self.noise)
             first = _mean(cost[:, :SAMPLE], w_a[todo]) - own[todo, 0]
             second = _mean(cost[:, SAMPLE:], w_b[todo]) - own[todo, 1]
             worse = np.maximum((first + penalty) * surer_a[todo], (second + penalty) * surer_b[todo])
@@ -212,7 +223,7 @@ class Merger:
         changed = [a for a, _ in merges]
         for a, b in merges:
             self.parts[a] = np.sort(np.concatenate([self.parts[a], self.parts.pop(b)]))
-            del self.points[b], self.own[b]
+            del self.sets[b], self.own[b]
         touched = set(changed)
         pairs: dict[tuple[int, int], _Pair] = {}
         for (a, b), pair in self.pairs.items():

@@ -21,11 +21,13 @@ from brepgaussian.points.densify import Samples, densify
 from brepgaussian.points.graph import Graph, Index, neighbour_pairs, spacing_of, thin
 from brepgaussian.points.labels import Labelling, label_nodes
 from brepgaussian.points.merge import Nodes
-from brepgaussian.points.votes import agreement, regions
+from brepgaussian.points.shading import gradients
+from brepgaussian.points.votes import agreement, core, observe
 from brepgaussian.settings.points import PointsSettings
 
 Array = NDArray[np.float64]
 log = get_logger("points")
+_LEAST_VIEWS, _SAME_REGION = 3, 0.6  # views, and their share, in which neighbours lie in one region: no border between
 
 
 def make_points(
@@ -72,14 +74,16 @@ def make_points(
     log.info("%d surfels, %d points, %d nodes", len(surfels.centers), len(samples), len(chosen))
     xyz, normals = samples.xyz[chosen], samples.normals[chosen]
     pairs, distance = neighbour_pairs(xyz, normals, settings.neighbours)
-    found = regions(views.cameras, patches, xyz, normals, samples.xyz, spacing, settings.border_px)
-    same, both = agreement(found, pairs)
+    seen = observe(views, patches, xyz, normals, samples.xyz, spacing, settings.border_px)
+    same, both = agreement(seen.regions, pairs)
     owner = samples.surfel[chosen]
     extra = _features(stage2.features, owner, pairs) * settings.features_weight
     if len(evidence.face_id) == len(surfels.centers):
         extra = extra + _faces(evidence.face_id[owner], pairs) * settings.faces_weight
     graph = Graph(pairs, distance, same * settings.votes_weight, both * settings.votes_weight, extra)
-    nodes = Nodes(xyz, normals, 1 - 0.8 * np.clip(samples.edge[chosen], 0, 1))
+    shared = np.where(both >= _LEAST_VIEWS, same / np.maximum(both, 1), 0.0)
+    slopes = gradients(xyz, normals, seen.grey, pairs, np.where(shared > _SAME_REGION, shared, 0.0))
+    nodes = Nodes(xyz, normals, seen.trust, core(seen, pairs, shared > _SAME_REGION), seen.grey, slopes)
     result = label_nodes(nodes, graph, node_spacing, settings.smallest_patch, settings.seed)
     label = spread(samples, xyz, result, node_spacing)
     surfaces = [

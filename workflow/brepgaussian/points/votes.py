@@ -1,41 +1,60 @@
 """What the patch masks say about points: in which region of which view each one lies."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.artifacts.views import Views
 from brepgaussian.geometry.cameras import Cameras
 
 Array = NDArray[np.float64]
 GRAZING = 0.17  # cosine between normal and line of sight (80 degrees), below which a pixel says nothing
 _CELL_SPACINGS = 1.5  # a cell of the depth buffer holds a point if it is this many point spacings wide
+_BLUR = 0.013  # unit frame; so near to an edge surfels are rounded off and their normals turn
+_CORE, _RIDGE = 0.4, 0.1  # share of views in which a core point is clear; slack of a ridge between two borders
+_UNSEEN, _LEAST_TRUST = 0.5, 0.05  # trust in a point that no view sees, and the least of all
+LUMINANCE = np.array([0.299, 0.587, 0.114], np.float32)  # Rec. 601
 _DEPTH_CELLS = 3.0  # depth step, in cells, that hides a point
 
 
-def regions(
-    cameras: Cameras,
-    patches: NDArray[np.int16],
-    xyz: Array,
-    normals: Array,
-    dense: Array,
-    spacing: float,
-    border: float,
-) -> NDArray[np.int16]:
-    """Region of each point in each view.
+@dataclass(frozen=True)
+class Seen:
+    """What the views show of N points.
+
+    Attributes:
+        regions: (V, N) int16 region ids, 0 = hidden, seen at a grazing angle, or near a border.
+        trust: (N,) share of the views that see a point in which no border is near.
+        clear: (N,) the same for the narrower border at which regions end.
+        grey: (N,) median grey level over the views, NaN = unknown.
+    """
+
+    regions: NDArray[np.int16]
+    trust: Array
+    clear: Array
+    grey: Array
+
+
+def observe(
+    views: Views, patches: NDArray[np.int16], xyz: Array, normals: Array, dense: Array, spacing: float, border: float
+) -> Seen:
+    """Look each point up in each view.
 
     Args:
-        cameras: V views.
+        views: V views.
         patches: (V, H, W) region ids, 0 = none.
         xyz, normals: (N, 3) points that ask.
         dense: (M, 3) points that hide others.
         spacing: typical distance between neighbours in `dense`.
-        border: px; nearer to the border of a region a point has none.
-
-    Returns:
-        (V, N) int16 region ids, 0 = hidden, seen at a grazing angle, or near a border.
+        border: px; nearer to the border of a region a point has no region.
     """
+    cameras = views.cameras
     found = np.zeros((len(cameras), len(xyz)), np.int16)
+    levels = np.full((len(cameras), len(xyz)), np.nan, np.float32)
+    views_of, far = np.zeros(len(xyz)), np.zeros(len(xyz))
     centers = cameras.centers
+    wide = max(border, _BLUR / cameras.footprint())
     for view in range(len(cameras)):
         sight = centers[view] - xyz
         facing = np.einsum("ij,ij->i", sight, normals) > GRAZING * np.linalg.norm(sight, axis=1)
@@ -46,7 +65,39 @@ def regions(
         inside = (column >= 0) & (row >= 0) & (column < cameras.width) & (row < cameras.height)
         asks, row, column = asks[inside], row[inside], column[inside]
         found[view, asks] = interior(patches[view], border)[row, column]
-    return found
+        views_of[asks] += 1
+        far[asks] += interior(patches[view], wide)[row, column] > 0
+        levels[view, asks] = views.rgb[view, row, column] @ LUMINANCE
+    levels[found == 0] = np.nan
+    shares = [
+        np.clip(np.where(views_of > 0, count / np.maximum(views_of, 1), _UNSEEN), _LEAST_TRUST, 1.0)
+        for count in (far, (found > 0).sum(0))
+    ]
+    return Seen(found, shares[0], shares[1], nan_median(levels))
+
+
+def core(seen: Seen, pairs: NDArray[np.int64], within: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) points that speak for a patch: away from borders, or, in narrow patches, farthest from them.
+
+    Args:
+        seen: what the views show.
+        pairs: (E, 2) neighbours; within: (E,) pairs of one region.
+    """
+    highest = seen.trust.copy()
+    for one, other in (pairs[within].T, pairs[within].T[::-1]):
+        np.maximum.at(highest, one, seen.trust[other])
+    ridge = (seen.trust >= highest - _RIDGE) & (seen.clear >= _CORE)
+    return (seen.trust >= _CORE) | ridge
+
+
+def nan_median(levels: NDArray[np.float32]) -> Array:
+    """(N,) medians over the first axis of (V, N), NaN where there is nothing."""
+    count = np.isfinite(levels).sum(0)
+    ordered = np.sort(levels, axis=0)  # NaN last
+    columns = np.arange(levels.shape[1])
+    low = ordered[np.maximum(count - 1, 0) // 2, columns]
+    middle = np.where(count % 2 == 1, low, (low + ordered[np.minimum(count // 2, len(levels) - 1), columns]) / 2)
+    return np.where(count > 0, middle, np.nan).astype(np.float64)
 
 
 def visible(cameras: Cameras, view: int, xyz: Array, dense: Array, spacing: float) -> NDArray[np.bool_]:
