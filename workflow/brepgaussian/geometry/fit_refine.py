@@ -50,13 +50,20 @@ class Local:
 
 def localise(surface: Surface, points: Array) -> Local:
     """Coordinates of (N, 3) points about the axis of a surface."""
-    natural = replace(surface, flipped=False)
     offset = points - surface.origin
     along = offset @ surface.axis
     across = offset - along[:, None] * surface.axis
     rho = np.sqrt(np.einsum("ij,ij->i", across, across))
     radial = across / np.maximum(rho, SMALL)[:, None]
-    return Local(offset, along, rho, radial, natural.signed_distance(points), natural.normals(points))
+    if surface.kind == "cylinder":
+        distance, normal = rho - surface.radius, radial
+    elif surface.kind == "cone":
+        cosine, sine = np.cos(surface.angle), np.sin(surface.angle)
+        distance, normal = (rho - surface.radius) * cosine - along * sine, cosine * radial - sine * surface.axis
+    else:
+        natural = replace(surface, flipped=False)
+        distance, normal = natural.signed_distance(points), natural.normals(points)
+    return Local(offset, along, rho, radial, distance, normal)
 
 
 def distance_jacobian(surface: Surface, points: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 LEVER = 0.1  # patch extents that one radian of normal error counts when starts are compared
 TUKEY = 4.685  # of Tukey's biweight: 95 % efficiency on Gaussian residuals
 MAD_TO_SIGMA = 1.4826
-ROUNDS = 5  # of reweighting
+ROUNDS = 4  # of reweighting
 WRONG_SIDE = np.radians(40.0)  # a normal further off belongs to another face, whatever the noise
 MAX_TRIED = 2000  # points that starts are judged on; more change no ranking
 SUBSETS = 10  # small random subsets tried as starts of a robust fit
@@ -82,8 +82,10 @@ def fit_robust(
         raise ValueError(f"the points determine no {kind}")
     ranked = _ranked(candidates, few, few_normals, None, TRUSTED)
     keep = 1 if kind == "plane" or initial is not None else REFINED_STARTS
-    settled = [_reweighted(s, few, few_normals, sigma, free) for s in ranked[:keep]]
-    best = _ranked(settled, few, few_normals, None, TRUSTED)[0]
+    if keep > 1:  # a few steps tell which start is good
+        short = [_reweighted(s, few, few_normals, sigma, free, rounds=1) for s in ranked[:keep]]
+        ranked = _ranked(short, few, few_normals, None, TRUSTED)
+    best = _reweighted(ranked[0], few, few_normals, sigma, free)
     if len(few) < len(points):
         best = _reweighted(best, points, normals, sigma, free, rounds=1)
     best = oriented(best, points, normals)

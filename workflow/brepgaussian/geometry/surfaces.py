@@ -1,5 +1,6 @@
 """The five analytic surfaces: signed distance, outward normal, projection."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,10 +60,12 @@ class Surface:
 
     def frame(self) -> tuple[Array, Array, Array]:
         """Right-handed orthonormal x, y, axis; the same for the same axis."""
-        helper = np.eye(3)[int(np.argmin(np.abs(self.axis)))]
-        x = np.cross(helper, self.axis)
-        x /= np.linalg.norm(x)
-        return x, np.cross(self.axis, x), self.axis
+        a, b, c = (float(v) for v in self.axis)
+        smallest = min(range(3), key=lambda i: abs((a, b, c)[i]))
+        x = np.array(((0.0, -c, b), (c, 0.0, -a), (-b, a, 0.0))[smallest])  # unit vector x axis
+        x /= math.sqrt(float(x @ x))
+        u, v, w = (float(value) for value in x)
+        return x, np.array((b * w - c * v, c * u - a * w, a * v - b * u)), self.axis
 
 
 def plane(origin: Array, normal: Array) -> Surface:

@@ -1,20 +1,22 @@
 """Patches that are no faces: strips of rounded-off edges and fringes that their neighbours explain.
 
 Surfels round sharp edges off, and the strip between two faces then looks like a small patch of its own with
-normals in between. Its points lie within the noise of one neighbour or the other; those of a real chamfer or
-fillet that is large enough to be seen do not.
+normals in between. Its points lie near one neighbour or the other and their normals lean towards it; those of
+a chamfer stand apart in angle, those of a fillet that is large enough to be seen in distance.
 """
 
 import numpy as np
 
+from brepgaussian.geometry.fit import inliers
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
 
-NEAR = 2.5  # noises from a neighbour's surface within which a point needs no face of its own
-EXPLAINED = 0.8  # share of its points that makes a patch superfluous
+NEAR = 4.0  # noises from a neighbour's surface within which a point needs no face of its own,
+LEANING = np.radians(32.0)  # if its normal is no further off: the walls of a chamfer are 45 degrees apart
+EXPLAINED = 0.65  # share of its points that makes a patch superfluous
 LARGER = 2.0  # times as many points as the patch that a neighbour must have
 TOUCHING = 3  # neighbour pairs that make two patches adjacent
 
@@ -36,6 +38,6 @@ def _superfluous(patch: Patch, neighbours: list[Patch], cloud: Cloud, noise: Noi
     larger = [n for n in neighbours if len(n.members) >= LARGER * len(patch.members)]
     if not larger:
         return False
-    xyz = cloud.xyz[patch.members]
-    distance = np.min([np.abs(n.surface.signed_distance(xyz)) for n in larger], axis=0)
-    return float(np.mean(distance < NEAR * noise.distance)) > EXPLAINED
+    xyz, normals = cloud.xyz[patch.members], cloud.normals[patch.members]
+    near = [inliers(n.surface, xyz, normals, NEAR * noise.distance, LEANING) for n in larger]
+    return float(np.any(near, axis=0).mean()) > EXPLAINED

@@ -30,7 +30,7 @@ JUDGED = 40  # points from which a label may speak about the noise
 POOR = 1.5  # noises: a fit beyond it may hold two faces
 KEPT_SUPPORT = 0.88  # of the members: below it a second face may hide in the label
 SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
-SPLIT_COUNT = 20  # points
+SPLIT_COUNT = 40  # points
 MOST_SPLITS = 6  # faces that one label may hold
 EXPLAINED = 2.0  # noises: parts that fit worse than that are no faces either
 FACE_PRICE = 4.0  # parameters that a further face costs beyond those of its surface: its border
@@ -155,10 +155,7 @@ def split(whole: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
         piece = islands(cloud, near)[0] if not parts else near
         if len(piece) < enough:
             break
-        part = fit_members(whole.labels, piece, cloud, noise, settings, (surface,))
-        if part is None:
-            break
-        parts.append(part)
+        parts.append(Patch(whole.labels, piece, surface, *spreads(surface, cloud, piece)))
         rest = np.setdiff1d(rest, piece)
     if len(parts) < 2:
         return [whole]

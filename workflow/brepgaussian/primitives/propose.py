@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 USUAL_NOISE = 0.003  # unit frame; the noise that the floors of the tolerances are meant for
 TILTS = {"plane": slice(0, 2), "cylinder": slice(2, 4), "cone": slice(2, 4), "torus": slice(3, 5)}
 RADIUS_SHARE = 0.15  # of a radius; radii further apart are not equal however badly they are known
-GAP_CAP = 6.0  # noises: axes further apart are not one
+GAP_CAP = 20.0  # noises: axes further apart are not one, however badly they are known
 LENGTH_FLOOR = 1.5  # noises: lengths that near are never told apart by smooth errors
 LENGTH_CAP = 5.0
 SAME_CAP = 2.0  # noises: a larger step between two planes is a real one
@@ -64,7 +64,7 @@ class State:
     def length_tolerance(self, error: float, cap: float = LENGTH_CAP) -> float:
         """Largest difference of two lengths that counts as none, for their joint standard deviation."""
         sigma = self.noise.distance
-        return float(np.clip(CERTAIN * error, min(LENGTH_FLOOR, cap) * sigma, cap * sigma))
+        return float(np.clip(CERTAIN * error, LENGTH_FLOOR * sigma, cap * sigma))
 
 
 def directions(state: State) -> list[Link]:
