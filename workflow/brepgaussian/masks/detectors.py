@@ -11,7 +11,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import InputError
 from brepgaussian.masks import edges as edge_maps
 from brepgaussian.masks.regions import merge_regions, oversegment
-from brepgaussian.masks.steps import Crop, step_strength
+from brepgaussian.masks.steps import Crop, step_strength, without_shading
 from brepgaussian.settings.masks import MasksSettings
 
 
@@ -47,6 +47,7 @@ class ClassicalPatches:
         regions = merge_regions(
             oversegment(strength, crop.inside, depth),
             crop.grey,
+            without_shading(strength, s.radius),
             noise=crop.noise,
             step=s.merge_step,
             significance=s.merge_significance,

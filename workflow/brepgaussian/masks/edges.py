@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skimage.filters import apply_hysteresis_threshold
 
 from brepgaussian.errors import InputError, ToolError
-from brepgaussian.masks.steps import DIRECTIONS, Crop, step_strength
+from brepgaussian.masks.steps import DIRECTIONS, Crop, step_strength, without_shading
 
 _WEAK = 0.5  # edges that start above the threshold are followed down to this share of it
 _NOISE_FACTOR = 4.0  # the strongest of 8 noisy half-disk steps stays below so many of their standard errors
@@ -49,6 +49,7 @@ def classical_edges(crop: Crop, radius: int, step: float, width: int) -> NDArray
     Interior lines are followed with hysteresis; half probability is the threshold.
     """
     strength, direction = step_strength(crop.grey, crop.inside, radius)
+    strength = without_shading(strength, radius)
     threshold = edge_threshold(crop.noise, radius, step)
     peaks = suppress(strength, direction)
     kept = apply_hysteresis_threshold(peaks, _WEAK * threshold, threshold)

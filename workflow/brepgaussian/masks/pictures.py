@@ -72,9 +72,10 @@ def _row(views: Views, columns: Mapping[str, NDArray], view: int, size: int) -> 
         mixed = np.where(ids[:, :, None] > 0, _TINT * tint + (1 - _TINT) * image, image)
         panels.append(mixed.astype(np.uint8))
     gap = np.full((size, _GAP, 3), 255, np.uint8)
-    cells = [gap]
+    cells: list[NDArray[np.uint8]] = [gap]
     for panel in panels:
-        cells += [cv2.resize(np.ascontiguousarray(panel[box]), (size, size), interpolation=cv2.INTER_AREA), gap]
+        cell = cv2.resize(np.ascontiguousarray(panel[box]), (size, size), interpolation=cv2.INTER_AREA)
+        cells += [np.asarray(cell, np.uint8), gap]
     return np.concatenate([np.concatenate(cells, 1), np.full((_GAP, _width(cells), 3), 255, np.uint8)])
 
 

@@ -44,17 +44,20 @@ class RegionGraph:
     Args:
         labels: (h, w) int32, 0 = none, ids 1..N.
         grey: (h, w) luminance.
+        ridge: (h, w) step strength without shading: what stands out above a smooth change of luminance.
         noise: standard deviation of the image noise, grey levels.
     """
 
-    def __init__(self, labels: NDArray[np.int32], grey: NDArray[np.float32], noise: float) -> None:
+    def __init__(
+        self, labels: NDArray[np.int32], grey: NDArray[np.float32], ridge: NDArray[np.float32], noise: float
+    ) -> None:
         self.noise = noise
         self.count = int(labels.max())
         self._scale = 2.0 / max(labels.shape)
         self._centre = np.array(labels.shape[::-1]) / 2
         self.area = np.bincount(labels.ravel(), minlength=self.count + 1).astype(float)
         self._moments(labels, grey)
-        self.borders = self._find_borders(labels)
+        self.borders = self._find_borders(labels, ridge)
         self.neighbours: list[set[int]] = [set() for _ in range(self.count + 1)]
         for a, b in self.borders:
             self.neighbours[a].add(b)
@@ -84,9 +87,11 @@ class RegionGraph:
                 self.gram[:, r, c] = power[int(a + d), int(b + e)]
         self.right = np.stack([np.bincount(ids, weight * value * u**a * v**b, size) for a, b in _POWERS], 1)
 
-    def _find_borders(self, labels: NDArray[np.int32]) -> dict[tuple[int, int], NDArray[np.float64]]:
-        """Monomials at the cracks between each pair of adjacent regions."""
-        pairs, x, y = [], [], []
+    def _find_borders(
+        self, labels: NDArray[np.int32], ridge: NDArray[np.float32]
+    ) -> dict[tuple[int, int], NDArray[np.float64]]:
+        """Monomials and ridge strength, (n, 7), at the cracks between each pair of adjacent regions."""
+        pairs, x, y, height = [], [], [], []
         for axis in (0, 1):
             first = labels[:-1] if axis == 0 else labels[:, :-1]
             second = labels[1:] if axis == 0 else labels[:, 1:]
@@ -94,10 +99,13 @@ class RegionGraph:
             pairs.append(np.stack([first[rows, columns], second[rows, columns]], 1))
             x.append(columns + (0.5 if axis else 0.0))
             y.append(rows + (0.0 if axis else 0.5))
+            beyond = ridge[rows + 1 - axis, columns + axis]
+            height.append(np.maximum(ridge[rows, columns], beyond))
         pair = np.sort(np.concatenate(pairs), 1).astype(np.int64)
         if not len(pair):
             return {}
         monomials = self._monomials(np.concatenate(x), np.concatenate(y))
+        monomials = np.column_stack([monomials, np.concatenate(height)])
         key = pair[:, 0] * (self.count + 1) + pair[:, 1]
         order = np.argsort(key, kind="stable")
         key, monomials = key[order], monomials[order]
@@ -108,27 +116,36 @@ class RegionGraph:
         }
 
     def _fit(self, region: int) -> tuple[NDArray, NDArray]:
-        """Coefficients (t,) and their covariance (t, t) for unit noise."""
+        """Coefficients (6,) and their covariance (6, 6) for unit noise; 0 beyond the region's degree."""
         if region not in self._fits:
             weight = self.gram[region, 0, 0]
             terms = _TERMS[int(np.searchsorted(_DEGREE_AREAS, weight))]
             gram = self.gram[region, :terms, :terms]
             inverse = np.linalg.inv(gram + _RIDGE * weight * np.eye(terms))
-            self._fits[region] = inverse @ self.right[region, :terms], inverse
+            coefficients, covariance = np.zeros(len(_POWERS)), np.zeros((len(_POWERS), len(_POWERS)))
+            coefficients[:terms] = inverse @ self.right[region, :terms]
+            covariance[:terms, :terms] = inverse
+            self._fits[region] = coefficients, covariance
         return self._fits[region]
 
     def step(self, a: int, b: int) -> tuple[float, float]:
-        """Median luminance step across the common border of two regions, and its standard error, grey levels."""
+        """Luminance step across the common border of two regions, and its standard error, grey levels.
+
+        The smaller of two medians along the border: the difference of the two polynomials, which long shading
+        makes too large, and the height of the step's ridge, which noise makes too large.
+        """
         samples = self.borders[min(a, b), max(a, b)]
         samples = samples[:: -(-len(samples) // _MAX_SAMPLES)]
-        difference = np.zeros(len(samples))
-        variance = np.zeros(len(samples))
-        for sign, region in ((1, a), (-1, b)):
-            coefficients, covariance = self._fit(region)
-            basis = samples[:, : len(coefficients)]
-            difference += sign * (basis @ coefficients)
-            variance += np.einsum("st,tu,su->s", basis, covariance, basis)
-        return float(np.median(np.abs(difference))), self.noise * float(np.sqrt(np.median(variance)))
+        (first, covariance_a), (second, covariance_b) = self._fit(a), self._fit(b)
+        ridge = samples[:, -1].copy()
+        samples = samples[:, :-1]
+        difference = np.abs(samples @ (first - second))
+        variance = ((samples @ (covariance_a + covariance_b)) * samples).sum(1)
+        middle = len(samples) // 2
+        difference.partition(middle)
+        variance.partition(middle)
+        ridge.partition(middle)
+        return float(min(difference[middle], ridge[middle])), self.noise * float(variance[middle]) ** 0.5
 
     def merge(self, a: int, b: int) -> int:
         """Join two adjacent regions under the smaller id, which is returned."""
@@ -154,6 +171,7 @@ class RegionGraph:
 def merge_regions(
     labels: NDArray[np.int32],
     grey: NDArray[np.float32],
+    ridge: NDArray[np.float32],
     *,
     noise: float,
     step: float,
@@ -165,6 +183,7 @@ def merge_regions(
     Args:
         labels: (h, w) int32 over-segmentation, 0 = none.
         grey: (h, w) luminance.
+        ridge: (h, w) step strength without shading.
         noise: standard deviation of the image noise, grey levels.
         step: regions merge up to this median step along their border, grey levels ...
         significance: ... plus so many of its standard errors.
@@ -173,7 +192,7 @@ def merge_regions(
     Returns:
         (h, w) int32 labels from 1, 0 = none.
     """
-    graph = RegionGraph(labels, grey, noise)
+    graph = RegionGraph(labels, grey, ridge, noise)
     parent = np.arange(graph.count + 1)
     version = np.zeros(graph.count + 1, int)
 

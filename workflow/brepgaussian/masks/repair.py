@@ -18,10 +18,14 @@ from skimage.segmentation import watershed
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
-from brepgaussian.masks.steps import Crop, crop, step_strength
+from brepgaussian.masks.steps import Crop, crop, step_strength, without_shading
 
+_SMOOTHING = 8  # neighbours that a normal is averaged with
+_SAME_SIDE = 0.7  # cosine: neighbours on the other wall of a thin plate point elsewhere
 _FACING = 0.05  # cosine under which a sample is seen too obliquely to say which face a pixel shows
-_SPLAT = 1.5  # a sample hides what lies behind it within so many sample spacings
+_SPLAT = 1.0  # a sample hides what lies behind it within so many sample spacings
+_BEHIND = 3.0  # spacings of depth between a sample and those that hide it
+_NEIGHBOURS, _IN_FRONT = 6, 5  # a sample is hidden when so many of its neighbours in the image lie in front
 _VOTERS = 5  # samples that decide a pixel's label, the nearest ones
 _MARGIN_SPACINGS = 1.5  # projected borders are off by up to so many sample spacings ...
 _MARGIN_PX = 2.0  # ... and so many pixels
@@ -73,11 +77,7 @@ def repair(
     """
     if not (np.asarray(label) >= 0).any():
         raise StageError("no surface sample has a label", fix="check the points stage's result for this object")
-    xyz = np.asarray(xyz, np.float64)
-    distance, _ = cKDTree(xyz).query(xyz, k=min(5, len(xyz)))
-    samples = Samples(
-        xyz, np.asarray(normals, np.float64), np.asarray(label, np.int64), float(np.median(distance[:, -1])) / 1.13
-    )  # the 4th neighbour of uniform samples lies 1.13 spacings away: 4 = pi (1.13)^2
+    samples = prepare(np.asarray(xyz, np.float64), np.asarray(normals, np.float64), np.asarray(label, np.int64))
     cv2.setNumThreads(threads)
     luminance = views.luminance
     patches = np.zeros(views.alpha.shape, np.int16)
@@ -92,6 +92,21 @@ def repair(
     return patches
 
 
+def prepare(xyz: NDArray[np.float64], normals: NDArray[np.float64], label: NDArray[np.int64]) -> Samples:
+    """Measure the samples' spacing and average their normals with those of neighbours of the same label.
+
+    Whether a sample faces a view decides at grazing angles, where the normals' noise would let back sides through.
+    """
+    count = min(_SMOOTHING + 1, len(xyz))
+    distance, index = cKDTree(xyz).query(xyz, k=count)
+    distance, index = distance.reshape(len(xyz), count), index.reshape(len(xyz), count)
+    same = (label[index] == label[:, None]) & (np.einsum("ij,ikj->ik", normals, normals[index]) > _SAME_SIDE)
+    mean = (normals[index] * same[:, :, None]).sum(1)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+    spacing = float(np.median(distance[:, -1])) * float(np.sqrt(np.pi / max(count - 1, 1)))  # n = pi (d / spacing)^2
+    return Samples(xyz, mean, label, spacing)
+
+
 def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArray[np.int16]:
     pixel, seen, spacing_px = visible_samples(views, view, cut, samples)
     raw = projected_labels(pixel, samples.label[seen], cut.inside)
@@ -99,7 +114,7 @@ def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArra
         return np.zeros(cut.inside.shape, np.int16)
     margin = _MARGIN_PX + _MARGIN_SPACINGS * spacing_px
     markers, depth = eroded_markers(raw, margin)
-    strength, _ = step_strength(cut.grey, cut.inside, _RADIUS_PX)
+    strength = without_shading(step_strength(cut.grey, cut.inside, _RADIUS_PX)[0], _RADIUS_PX)
     prior = max(_PRIOR_STEP, _PRIOR_NOISE * cut.noise)
     surface = strength + prior * np.clip(1 - depth / margin, 0, 1)
     return np.asarray(watershed(surface, markers, mask=cut.inside), np.int16)
@@ -127,13 +142,23 @@ def visible_samples(
     spacing_px = samples.spacing * focal / float(np.median(depth[index]))
     buffer = np.full((height, width), np.inf, np.float32)
     np.minimum.at(buffer, (row[index], column[index]), depth[index].astype(np.float32))
-    size = 2 * int(np.ceil(_SPLAT * spacing_px)) + 1
+    size = 2 * round(_SPLAT * spacing_px) + 1
     buffer = np.asarray(cv2.erode(buffer, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))), np.float32)
     # a slanted face is deeper at the far end of the splat than at its near end
     slant = np.sqrt(1 - np.clip(facing[index], 0, 1) ** 2) / facing[index]
     tolerance = samples.spacing * (1 + _SPLAT * np.minimum(slant, 3.0))
     index = index[depth[index] <= buffer[row[index], column[index]] + tolerance]
+    index = index[~_alone_behind(pixel[index], depth[index], _BEHIND * samples.spacing)]
     return pixel[index], index, spacing_px
+
+
+def _alone_behind(pixel: NDArray[np.float64], depth: NDArray[np.float64], step: float) -> NDArray[np.bool_]:
+    """Samples seen through a gap between others: nearly all their neighbours in the image lie in front of them."""
+    if len(pixel) <= _NEIGHBOURS:
+        return np.zeros(len(pixel), bool)
+    _, nearest = cKDTree(pixel).query(pixel, k=_NEIGHBOURS + 1)
+    in_front = depth[nearest[:, 1:]] < depth[:, None] - step
+    return np.asarray(in_front.sum(1) >= _IN_FRONT)
 
 
 def projected_labels(
@@ -159,7 +184,7 @@ def projected_labels(
     k = min(_VOTERS, len(pixel))
     distance, nearest = cKDTree(pixel).query(np.column_stack([columns + 0.5, rows + 0.5]), k=k)
     distance, nearest = distance.reshape(len(rows), k), nearest.reshape(len(rows), k)
-    weight = 1 / (distance + 1)
+    weight = 1 / (distance + np.median(distance[:, -1]))
     voted = label[nearest]
     same = voted[:, :, None] == voted[:, None, :]
     votes = (same * weight[:, None, :]).sum(2)

@@ -128,5 +128,12 @@ def step_strength(
     return best, direction
 
 
+def without_shading(strength: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
+    """Take away what smooth shading adds: a step is a ridge of the strength, a slope of luminance is a plateau."""
+    size = 2 * (2 * radius + 1) + 1  # a ridge is 2 radius + 1 wide, the window twice as wide
+    window = np.ones((size, size), np.uint8)
+    return np.asarray(cv2.morphologyEx(strength, cv2.MORPH_TOPHAT, window), np.float32)
+
+
 def _sum(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT), np.float32)
