@@ -21,6 +21,8 @@ _BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
 _SURFACE_SHARE = 0.8  # of a cell's views show the lid's grey, if the cell is on a face
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
+_AGREEING = (0.1, 0.5, 0.9)  # quantiles over views; a few views may be disturbed by borders
+_WIDTHS = (4.0, 3.0, 2.0, 1.0, 1.0)  # tolerances around the fit, narrowing
 _OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
@@ -32,13 +34,11 @@ class Stack:
         lattice: on the plane.
         domain: (R, C) bool cells inside the plane's outer border and not inside the solid.
         shown: (V, R, C) uint8 one of LID, WALL, BACKGROUND, UNSEEN.
-        grey: the lid's grey level.
     """
 
     lattice: Lattice
     domain: NDArray[np.bool_]
     shown: NDArray[np.uint8]
-    grey: float
 
 
 def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice: Lattice, tolerance: float) -> Stack:
@@ -61,11 +61,11 @@ def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice:
         seen = np.flatnonzero(_visible(scene, cells, center, lattice, domain.ravel()))
         if len(seen):
             grey[view, seen] = _sample(views, luminance, view, cells[seen])
-    level = _mode(grey[grey >= 0])
+    level = _level(grey, lattice, tolerance)
     shown = np.where(np.abs(grey - level) <= tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
-    return Stack(lattice, domain, shown.reshape(-1, *lattice.shape), level)
+    return Stack(lattice, domain, shown.reshape(-1, *lattice.shape))
 
 
 def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
@@ -119,11 +119,39 @@ def _sample(views: Views, luminance: NDArray[np.float32], view: int, points: Arr
     return np.where(alpha > _OPAQUE, grey, np.where(alpha < _CLEAR, -1, np.nan)).astype(np.float32)
 
 
-def _mode(greys: NDArray[np.float32]) -> float:
-    """The most frequent grey level (three levels wide), as the lid's own grey."""
-    if not len(greys):
-        return 0.0
-    count = np.bincount(np.round(greys).astype(int), minlength=256).astype(float)
-    peak = int(np.convolve(count, np.ones(3), "same").argmax())
-    near = slice(max(peak - 1, 0), peak + 2)
-    return float(np.average(np.arange(256)[near], weights=count[near]))
+def _level(grey: NDArray[np.float32], lattice: Lattice, tolerance: float) -> NDArray[np.float32]:
+    """(N,) the lid's own grey at each cell: a quadratic, since lamps at a finite distance shade a plane.
+
+    Cells at which the views agree are the lid's; among them, the largest group that one quadratic explains.
+
+    Args:
+        grey: (V, N) what the views show, -1 on background, NaN unseen.
+        lattice: of N cells.
+        tolerance: grey levels within which views agree.
+    """
+    shown = np.where(grey >= 0, grey, np.nan)
+    count = np.isfinite(shown).sum(axis=0)
+    cells = np.flatnonzero(count >= _LEAST_VIEWS)
+    if not len(cells):
+        return np.zeros(grey.shape[1], np.float32)
+    low, middle, high = np.nanquantile(shown[:, cells], _AGREEING, axis=0)
+    agree = high - low <= tolerance
+    cells, value = (cells[agree], middle[agree]) if agree.any() else (cells, middle)
+    terms = _quadratic(lattice.shape)
+    # start from the most frequent grey, then widen to what the quadratic explains
+    histogram = np.bincount(np.round(value).astype(int), minlength=256).astype(float)
+    peak = float(np.convolve(histogram, np.ones(3), "same").argmax())
+    fitted = np.full(len(terms), peak)
+    for width in _WIDTHS:
+        near = np.abs(value - fitted[cells]) <= width * tolerance
+        if near.sum() < terms.shape[1]:
+            break
+        fitted = terms @ np.linalg.lstsq(terms[cells[near]], value[near], rcond=None)[0]
+    return fitted.astype(np.float32)
+
+
+def _quadratic(shape: tuple[int, int]) -> Array:
+    """(N, 6) terms 1, x, y, x^2, x y, y^2 at the cells of a lattice, x and y in -1..1."""
+    rows, columns = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
+    x, y = rows.ravel(), columns.ravel()
+    return np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
