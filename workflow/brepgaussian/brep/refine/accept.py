@@ -14,7 +14,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
-from brepgaussian.brep.refine.solve import State, residuals
+from brepgaussian.brep.refine.solve import TONES, State, residuals
 from brepgaussian.brep.refine.visibility import CREASE, SILHOUETTE, Scene, Seen, classify, group_names, masks_iou
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
@@ -54,7 +54,7 @@ def acceptance(
     *,
     images: Images | None = None,
     poses: Array | None = None,
-    tone: float = 0.0,
+    tone: Array | None = None,
 ) -> Acceptance:
     """Judge a solid by the images alone.
 
@@ -66,10 +66,11 @@ def acceptance(
         settings: the limits.
         images: what `observe.prepare(views)` gave, to save doing it again.
         poses: (V, 3) image corrections that the refinement found.
-        tone: tone coefficient that the refinement found, px.
+        tone: (2,) tone coefficients that the refinement found, px.
     """
     images = images or prepare(views)
     poses = np.zeros((len(views.cameras), 3)) if poses is None else poses
+    tone = np.zeros(TONES) if tone is None else tone
     scene, state = Scene(mesh), State(tuple(surfaces), tone, poses)
     seen = watch(mesh, scene, structure, state, views, settings.refine_observations)
     found = measure(images, seen, WINDOW_PX, WINDOW_PX / 2)
@@ -87,7 +88,7 @@ def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, view
 
 
 def judge(
-    seen: Seen, found: Found, structure: Structure, tone: float, iou: float, settings: BrepSettings
+    seen: Seen, found: Found, structure: Structure, tone: Array, iou: float, settings: BrepSettings
 ) -> Acceptance:
     """The table of residuals and the verdict."""
     residual = np.abs(residuals(seen, found, tone))

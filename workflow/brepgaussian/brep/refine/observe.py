@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.samples import Rays
-from brepgaussian.brep.refine.visibility import CREASE, SILHOUETTE, Seen
+from brepgaussian.brep.refine.visibility import CREASE, OCCLUDING, SILHOUETTE, Seen
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,8 @@ _MARGIN = 24  # px around the silhouettes
 _VIEWS_FOR_NOISE = 8
 SILHOUETTE_SIGMA = 0.02  # px
 HARD_MASK_SIGMA = 0.2  # px, where the silhouettes are not antialiased
-INTERIOR_SIGMA = 0.1  # px, at any contrast
+INTERIOR_SIGMA = 0.1  # px, of creases at any contrast
+OCCLUDING_SIGMA = 0.2  # px, of occluding edges: what lies behind need not be flat
 _INTERIOR_PER_STEP = 0.7  # px grey levels
 _NOISE_TO_POSITION = 2.5  # px: error of an integral over 5 px, and of its levels, per noise over step
 
@@ -105,7 +106,8 @@ def measure(images: Images, seen: Seen, window: float, interior_window: float) -
     offset[rows], step[rows] = _steps(images, seen.rays.take(rows), interior_window)
     with np.errstate(divide="ignore"):
         blur = (_INTERIOR_PER_STEP + _NOISE_TO_POSITION * images.noise) / np.abs(step[rows])
-    sigma[rows] = np.hypot(INTERIOR_SIGMA, blur)
+    least = np.where(seen.kind[rows] == OCCLUDING, OCCLUDING_SIGMA, INTERIOR_SIGMA)
+    sigma[rows] = np.hypot(least, blur)
     offset[_contradicted(seen, step)] = np.nan
     return Found(offset, sigma, step)
 

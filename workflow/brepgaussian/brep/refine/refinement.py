@@ -14,7 +14,7 @@ from brepgaussian.brep.refine.constraints import Row, Tie, Tolerances, detect, t
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.parameters import recentre
-from brepgaussian.brep.refine.solve import Prior, State, residuals, step
+from brepgaussian.brep.refine.solve import TONES, Prior, State, residuals, step
 from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, masks_iou
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
@@ -112,7 +112,7 @@ def refine(
     clock = time.perf_counter()
     anchored = tuple(_anchored(structure, mesh, surfaces))
     prior = Prior(anchored, np.radians(settings.refine_angle_deg), settings.refine_length)
-    state = State(anchored, 0.0, np.zeros((len(views.cameras), 3)))
+    state = State(anchored, np.zeros(TONES), np.zeros((len(views.cameras), 3)))
     start = _Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
     before = start.test(settings)
     run = _descend(start, [], _WINDOWS, False)
@@ -132,7 +132,7 @@ def refine(
         "seconds": round(time.perf_counter() - clock, 2),
         "silhouette_px_before": _number(before.silhouette_px),
         "mask_iou_before": before.mask_iou,
-        "tone_px": result.state.tone,
+        "tone_px": [float(t) for t in result.state.tone],
         "poses_freed": freed and kept,
         "relations": [[t.kind, t.first, t.second] for t in ties],
         "largest_move": _largest_move(start.mesh, result.mesh),

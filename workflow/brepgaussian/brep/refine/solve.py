@@ -10,7 +10,7 @@ from brepgaussian.brep.refine.constraints import Row
 from brepgaussian.brep.refine.observe import Found
 from brepgaussian.brep.refine.parameters import COUNT, derivative, difference, prior_sigmas, update
 from brepgaussian.brep.refine.samples import pose_rows
-from brepgaussian.brep.refine.visibility import KINDS, SILHOUETTE, Seen
+from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
 from brepgaussian.brep.structure import CONCAVE, Structure
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.surfaces import Surface
@@ -22,6 +22,8 @@ _TO_SIGMA = 1.4826  # median absolute deviation to standard deviation
 _REWEIGHTINGS = 4  # per linearisation
 _CONCAVE_SIGMA = 0.5  # px: light between two faces shifts concave edges by a quarter to half a pixel
 _ROW_SIGMA = 1e-7  # of constraints (radians, unit frame): as good as exact beside 1e-5 from the images
+TONES = 2
+TONE_STEP = 50.0  # grey levels
 _TONE_SIGMA = 0.3  # px, prior of the tone coefficient
 POSE_SIGMA = (1.0, 1.0, 2e-3)  # prior of a pose correction: px, px, rad
 
@@ -32,12 +34,13 @@ class State:
 
     Attributes:
         surfaces: all surfaces.
-        tone: px by which the brighter side of a full black-white step seems to grow.
+        tone: (2,) px by which the brighter side of a step of `TONE_STEP` grey levels seems to grow, at creases
+            and at occluding edges (light and its display curve are not linear; what lies behind differs).
         poses: (V, 3) image corrections du, dv (px), roll (rad).
     """
 
     surfaces: tuple[Surface, ...]
-    tone: float
+    tone: Array
     poses: Array
 
 
@@ -63,14 +66,15 @@ class Step:
     largest: float
 
 
-def residuals(seen: Seen, found: Found, tone: float) -> Array:
+def residuals(seen: Seen, found: Found, tone: Array) -> Array:
     """(R,) px from the predicted edge to the measured one, less the tone's share."""
-    return found.offset - tone * tone_column(found)
+    return found.offset - tone_columns(seen, found) @ tone
 
 
-def tone_column(found: Found) -> Array:
-    """(R,) how much of the tone coefficient an edge sees: +-1 for interior steps, 0 for silhouettes."""
-    return np.sign(found.step)
+def tone_columns(seen: Seen, found: Found) -> Array:
+    """(R, 2) how much of each tone coefficient an edge sees; nothing for silhouettes."""
+    step = found.step[:, None] / TONE_STEP
+    return step * (seen.kind[:, None] == np.array([CREASE, OCCLUDING]))
 
 
 def step(
@@ -85,18 +89,18 @@ def step(
 ) -> Step:
     """Solve the linearised problem with iterated Tukey weights and move the surfaces."""
     start = np.concatenate([[0], np.cumsum([COUNT[s.kind] for s in state.surfaces])]).astype(int)
-    tone_at, pose_at = start[-1], start[-1] + 1
+    tone_at, pose_at = start[-1], start[-1] + TONES
     size = pose_at + (3 * len(cameras) if free_poses else 0)
     used = np.nonzero(np.isfinite(found.offset))[0]
     problem = _Problem(state, seen, found, used, start, cameras, size, free_poses)
     fixed, target = _fixed_rows(state, prior, start, size, rows, free_poses)
     offset = residuals(seen, found, state.tone)[used]
     sigma = _sigmas(seen, found, structure)[used]
-    kind = seen.kind[used]
+    kind, group = seen.kind[used], seen.rays.group[used]
     delta, matrix = np.zeros(size), fixed
     for _ in range(_REWEIGHTINGS):
         now = offset - problem.predict(delta)
-        weight = _weights(now / sigma, kind) / sigma**2
+        weight = _weights(now / sigma, kind, group) / sigma**2
         matrix, right = problem.normal(weight, offset)
         matrix += fixed
         delta = np.linalg.solve(matrix, right + target)
@@ -104,7 +108,7 @@ def step(
     poses = state.poses + (delta[pose_at:].reshape(-1, 3) if free_poses else 0.0)
     scale = np.concatenate([prior_sigmas(s.kind, prior.angle, prior.length) for s in state.surfaces])
     largest = float(np.abs(delta[: start[-1]] / scale).max(initial=0.0))
-    return Step(State(surfaces, state.tone + delta[tone_at], poses), largest)
+    return Step(State(surfaces, state.tone + delta[tone_at:pose_at], poses), largest)
 
 
 def _sigmas(seen: Seen, found: Found, structure: Structure) -> Array:
@@ -114,15 +118,22 @@ def _sigmas(seen: Seen, found: Found, structure: Structure) -> Array:
     return np.where(inner, np.maximum(found.sigma, _CONCAVE_SIGMA), found.sigma)
 
 
-def _weights(z: Array, kind: NDArray) -> Array:
-    """Tukey weights of normalised residuals divided by the robust scale (at least 1) of their kind."""
-    weight = np.zeros(len(z))
+def _weights(z: Array, kind: NDArray, group: NDArray) -> Array:
+    """Tukey weights of normalised residuals, over the squared robust scale (at least 1) of their kind.
+
+    The cut-off follows the scale of the row's own edge where that is larger: an edge that is off as a whole
+    is no outlier.
+    """
+    weight, size = np.zeros(len(z)), np.abs(z)
     for which in range(len(KINDS)):
-        rows = kind == which
-        if rows.any():
-            scale = max(1.0, _TO_SIGMA * float(np.median(np.abs(z[rows]))))
-            reach = np.clip(1 - (z[rows] / (_TUKEY * scale)) ** 2, 0, None)
-            weight[rows] = reach**2 / scale**2
+        rows = np.flatnonzero(kind == which)
+        if len(rows) == 0:
+            continue
+        scale = max(1.0, _TO_SIGMA * float(np.median(size[rows])))
+        rows = rows[np.argsort(group[rows], kind="stable")]
+        for own in np.split(rows, np.flatnonzero(np.diff(group[rows])) + 1):
+            reach = _TUKEY * max(scale, _TO_SIGMA * float(np.median(size[own])))
+            weight[own] = np.clip(1 - (size[own] / reach) ** 2, 0, None) ** 2 / scale**2
     return weight
 
 
@@ -142,7 +153,7 @@ class _Problem:
     ) -> None:
         rays = seen.rays.take(used)
         self._size, self._start, self._free = size, start, free_poses
-        self._tone = tone_column(found)[used]
+        self._tone = tone_columns(seen, found)[used]
         self._view, self._pose = rays.view, pose_rows(rays, cameras)
         pairs, inverse = np.unique(rays.table, axis=0, return_inverse=True)
         self._blocks: list[tuple[NDArray, NDArray, Array]] = []  # rows, columns, derivatives
@@ -156,8 +167,8 @@ class _Problem:
                     slope = derivative(state.surfaces[index], rays.points[rows])
                     parts.append(-rays.lever[rows, k, None] * slope)
                     columns.append(np.arange(start[index], start[index + 1]))
-            columns.append(start[-1:])
-            parts.append(self._tone[rows, None])
+            columns.append(start[-1] + np.arange(TONES))
+            parts.append(self._tone[rows])
             self._blocks.append((rows, np.concatenate(columns), np.concatenate(parts, axis=1)))
 
     def predict(self, delta: Array) -> Array:
@@ -166,13 +177,13 @@ class _Problem:
         for rows, columns, slope in self._blocks:
             result[rows] = slope @ delta[columns]
         if self._free:
-            result += np.einsum("rk,rk->r", self._pose, delta[self._start[-1] + 1 :].reshape(-1, 3)[self._view])
+            result += np.einsum("rk,rk->r", self._pose, delta[self._start[-1] + TONES :].reshape(-1, 3)[self._view])
         return result
 
     def normal(self, weight: Array, offset: Array) -> tuple[Array, Array]:
         """J^T W J and J^T W r."""
         matrix, right = np.zeros((self._size, self._size)), np.zeros(self._size)
-        first = self._start[-1] + 1
+        first = self._start[-1] + TONES
         for rows, columns, slope in self._blocks:
             weighted = slope * weight[rows, None]
             matrix[np.ix_(columns, columns)] += slope.T @ weighted
@@ -204,10 +215,11 @@ def _fixed_rows(
         weight = prior_sigmas(now.kind, prior.angle, prior.length) ** -2.0
         matrix[span, span] += weight
         right[span] -= weight * difference(before, now)
-    matrix[start[-1], start[-1]] += _TONE_SIGMA**-2
-    right[start[-1]] -= _TONE_SIGMA**-2 * state.tone
+    span = start[-1] + np.arange(TONES)
+    matrix[span, span] += _TONE_SIGMA**-2
+    right[span] -= _TONE_SIGMA**-2 * state.tone
     if free_poses:
-        span = np.arange(start[-1] + 1, size)
+        span = np.arange(start[-1] + TONES, size)
         weight = np.tile(np.array(POSE_SIGMA) ** -2.0, len(state.poses))
         matrix[span, span] += weight
         right[span] -= weight * state.poses.reshape(-1)
