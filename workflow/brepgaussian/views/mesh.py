@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 # A face's analytic surface is trusted for normals where its mesh lies this close to it (unit frame):
 # published meshes are rounded to 6 digits of the user's unit.
 TRUSTED_DISTANCE = 2e-4
+REGULAR = 1 - 1e-6  # a normal shorter than this marks a singular point: an apex, an axis, a centre
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class FaceMesh:
                 continue
             points[chosen] = surface.project(points[chosen])
             exact = surface.normals(points[chosen])
-            regular = np.linalg.norm(exact, axis=1) > 0.5  # not on an axis or at an apex
+            regular = np.linalg.norm(exact, axis=1) > REGULAR
             normals[chosen[regular]] = exact[regular]
         return points, normals
 
@@ -90,10 +91,20 @@ def mesh_solid(solid: Any, deflection: float, angle_deg: float) -> FaceMesh:
         angle_deg: largest angle between neighbouring facets.
     """
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
 
     from brepgaussian.geometry.kernel import face_surface, faces_of
 
-    BRepMesh_IncrementalMesh(solid, deflection, False, float(np.radians(angle_deg)), False)
+    wanted = IMeshTools_Parameters()
+    wanted.Deflection, wanted.Angle, wanted.Relative, wanted.InParallel = (
+        deflection,
+        np.radians(angle_deg),
+        False,
+        False,
+    )
+    # The kernel's default (Watson) takes quadratic time: 9 s instead of .6 s for a fine sphere.
+    wanted.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
+    BRepMesh_IncrementalMesh(solid, wanted)
     faces = faces_of(solid)
     pieces = [_triangulation(face) for face in faces]
     offsets = np.cumsum([0, *(len(p[0]) for p in pieces)])
@@ -151,7 +162,7 @@ def _triangulation(face: Any) -> tuple[Array, NDArray[np.int64], Array]:
     else:
         parameters = np.array([[mesh.UVNode(i).X(), mesh.UVNode(i).Y()] for i in range(1, mesh.NbNodes() + 1)])
         normals = evaluate(face, parameters)[1]
-    singular = np.linalg.norm(normals, axis=1) < 0.5
+    singular = np.linalg.norm(normals, axis=1) < REGULAR
     if singular.any():  # an apex: the mean of the facets around it
         normals[singular] = facet_means(points, triangles)[singular]
     return points, triangles, normals

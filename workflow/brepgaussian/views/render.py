@@ -177,7 +177,7 @@ def _pattern(count: int) -> Array:
     half exactly if its centre is, as in the published images.
     """
     x = np.linspace(0, 1, 2001)
-    density = sum(a * np.cos(2 * np.pi * k * x) for k, a in enumerate(_BLACKMAN_HARRIS))
+    density = np.array(_BLACKMAN_HARRIS) @ np.cos(2 * np.pi * np.arange(4)[:, None] * x)
     cumulative = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
     half = np.arange(count // 2) + 0.5
     uniform = np.column_stack([half / (2 * len(half)), (half * _GOLDEN) % 1])

@@ -14,7 +14,7 @@ from brepgaussian.geometry.chains import EdgeEnds, end_tangents, join, resample
 from brepgaussian.geometry.surfaces import Surface, cone, cylinder, plane, sphere, torus
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.views.abc_nef_layout import TruthFiles
-from brepgaussian.views.mesh import TRUSTED_DISTANCE, FaceMesh, facet_means
+from brepgaussian.views.mesh import REGULAR, TRUSTED_DISTANCE, FaceMesh, facet_means
 from brepgaussian.views.truth import frame_of_box
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def _face_mesh(
             agreement = np.einsum("ij,ij->i", surface.normals(corners), facets[mine].reshape(-1, 3)).sum()
             surface = surface if agreement > 0 else surface.flip()
             exact = surface.normals(corners).reshape(-1, 3, 3)
-            regular = np.linalg.norm(exact, axis=2) > 0.5
+            regular = np.linalg.norm(exact, axis=2) > REGULAR
             facets[mine] = np.where(regular[..., None], exact, facets[mine])
         else:
             surface = None
