@@ -44,6 +44,13 @@ def from_solid(solid: Any, deflection: float = DEFLECTION) -> FaceMesh:
     return merged(*occ.mesh_of(solid))
 
 
+def from_bytes(data: bytes, deflection: float = DEFLECTION) -> FaceMesh:
+    """The same for a solid as `occ.to_bytes` gives it; called in the kernel's process."""
+    from brepgaussian.brep import occ
+
+    return from_solid(occ.from_bytes(data), deflection)
+
+
 def merged(nodes: Array, triangles: Indices, face: Indices) -> FaceMesh:
     """Join nodes at the same place, so that faces stay together when they move."""
     _, first, inverse = np.unique(

@@ -45,6 +45,7 @@ class RefineResult:
         acceptance: with residuals per edge and face.
         before: the acceptance test of the start.
         poses: (V, 3) image corrections du, dv (px), roll (rad); zero unless poses were freed.
+        tone: (2,) tone coefficients, px.
         report: JSON-able summary.
     """
 
@@ -57,6 +58,7 @@ class RefineResult:
     acceptance: Acceptance
     before: Acceptance
     poses: Array
+    tone: Array
     report: dict[str, Any] = field(default_factory=dict)
 
 
@@ -150,6 +152,7 @@ def refine(
         acceptance=verdict,
         before=before,
         poses=result.state.poses,
+        tone=result.state.tone,
         report=report,
     )
 
