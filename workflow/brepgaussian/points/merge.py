@@ -109,7 +109,7 @@ def _mean(costs: Array, weights: Array) -> Array:
 def tolerance(same: Array, both: Array, extra: Array) -> Array:
     """How much dearer a part may become: less where the images show a border, more where they show none."""
     share = (same + _NEUTRAL_SHARE * _NEUTRAL_VIEWS) / (both + _NEUTRAL_VIEWS)
-    value = np.interp(share, [0.3, 0.55, 0.8, 0.97], [0.05, 0.25, 0.8, 2.0])
+    value = np.interp(share, [0.3, 0.55, 0.8, 0.9, 0.97], [0.05, 0.25, 0.8, 1.8, 4.5])
     return value * np.exp(np.clip(extra, -2.0, 1.0))
 
 
