@@ -28,7 +28,8 @@ _NEIGHBOURS = 14
 _SMOOTH_DEG = 8.0  # neighbours whose normals differ by less belong to one region
 _SMALLEST_SHARE = 0.003  # regions and planes with fewer of the points are dropped
 _PLANE_TOLERANCE = 1.5  # in point spacings
-_RANSAC_ITERATIONS = 1000
+_RANSAC_SAMPLES, _RANSAC_JUDGES = 300, 3000  # planes tried, and points that count for them
+_RANSAC_NORMAL_DEG = 20.0
 _MOST_PLANES = 60
 _POISSON_DEPTH = 7
 Array = NDArray[np.float64]
@@ -47,22 +48,29 @@ def region_growing(points: Points) -> Labels:
 
 
 def ransac_planes(points: Points, seed: int) -> Labels:
-    """(N,) planes found one after another, split into connected pieces; -1 for the rest."""
-    import open3d as o3d
+    """(N,) planes found one after another, split into connected pieces; -1 for the rest.
 
-    o3d.utility.random.seed(seed)
-    spacing = float(np.median(cKDTree(points.xyz).query(points.xyz, 2)[0][:, 1]))
-    labels, left = np.full(len(points.xyz), -1, np.int64), np.arange(len(points.xyz))
+    An oriented point is a whole sample (Schnabel et al. 2007); own code, since open3d's version depends
+    on its threads.
+    """
+    rng = np.random.default_rng(seed)
+    xyz, normals = points.xyz.astype(float), points.normals.astype(float)
+    tolerance = _PLANE_TOLERANCE * float(np.median(cKDTree(xyz).query(xyz, 2)[0][:, 1]))
+    labels, left = np.full(len(xyz), -1, np.int64), np.arange(len(xyz))
+    smallest = max(3, _SMALLEST_SHARE * len(labels))
     for plane in range(_MOST_PLANES):
-        if len(left) < max(3, _SMALLEST_SHARE * len(labels)):
-            break
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.xyz[left].astype(float)))
-        _, inliers = cloud.segment_plane(_PLANE_TOLERANCE * spacing, 3, _RANSAC_ITERATIONS)
-        if len(inliers) < _SMALLEST_SHARE * len(labels):
+        tried, judges = (rng.choice(left, min(len(left), n)) for n in (_RANSAC_SAMPLES, _RANSAC_JUDGES))
+        offsets = xyz[judges] @ normals[tried].T - (xyz[tried] * normals[tried]).sum(axis=1)  # (judges, tried)
+        best = tried[np.argmax((np.abs(offsets) < tolerance).sum(axis=0))]
+        agree = normals[left] @ normals[best] > np.cos(np.radians(_RANSAC_NORMAL_DEG))
+        inliers = agree & (np.abs((xyz[left] - xyz[best]) @ normals[best]) < tolerance)
+        if inliers.sum() < smallest:
             break
         labels[left[inliers]] = plane
-        left = np.delete(left, inliers)
-    return _large(_pieces(points.xyz, labels))
+        left = left[~inliers]
+        if len(left) < smallest:
+            break
+    return _large(_pieces(xyz, labels))
 
 
 def poisson(points: Points, seed: int) -> tuple[Array, NDArray[np.int32]]:
