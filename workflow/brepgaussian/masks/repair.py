@@ -18,14 +18,18 @@ from skimage.segmentation import watershed
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
+from brepgaussian.masks.edges import classical_edges
 from brepgaussian.masks.steps import Crop, crop, step_strength, without_shading
 
 _SMOOTHING = 8  # neighbours that a normal is averaged with
 _SAME_SIDE = 0.7  # cosine: neighbours on the other wall of a thin plate point elsewhere
 _FACING = 0.05  # cosine under which a sample is seen too obliquely to say which face a pixel shows
-_SPLAT = 1.0  # a sample hides what lies behind it within so many sample spacings
-_BEHIND = 3.0  # spacings of depth between a sample and those that hide it
-_NEIGHBOURS, _IN_FRONT = 6, 5  # a sample is hidden when so many of its neighbours in the image lie in front
+_SPLAT = 1.5  # a sample hides what lies behind it within so many sample spacings
+_OCCLUDERS = 24  # samples looked at, nearest first: several layers of the object, front and hidden
+_MAX_SLANT = 3.0  # tangent beyond which the depth's tolerance grows no more
+_CELL_STEP = 4.0  # grey levels: only clear edges bound a cell
+_CELL_LINE_PX = 3  # lines that wide leave no diagonal leaks
+_CELL_GAP = 1e5  # px, more than any image is wide
 _VOTERS = 5  # samples that decide a pixel's label, the nearest ones
 _MARGIN_SPACINGS = 1.5  # projected borders are off by up to so many sample spacings ...
 _MARGIN_PX = 2.0  # ... and so many pixels
@@ -108,8 +112,9 @@ def prepare(xyz: NDArray[np.float64], normals: NDArray[np.float64], label: NDArr
 
 
 def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArray[np.int16]:
-    pixel, seen, spacing_px = visible_samples(views, view, cut, samples)
-    raw = projected_labels(pixel, samples.label[seen], cut.inside)
+    cells = edge_cells(cut)
+    pixel, seen, spacing_px = visible_samples(views, view, cut, samples, cells)
+    raw = projected_labels(pixel, samples.label[seen], cut.inside, cells)
     if not raw.any():
         return np.zeros(cut.inside.shape, np.int16)
     margin = _MARGIN_PX + _MARGIN_SPACINGS * spacing_px
@@ -120,10 +125,23 @@ def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArra
     return np.asarray(watershed(surface, markers, mask=cut.inside), np.int16)
 
 
+def edge_cells(cut: Crop) -> NDArray[np.int32]:
+    """Parts of the object that closed image edges bound: (h, w) int32 from 1, 0 on the edges and off the object.
+
+    A cell may hold several faces (gaps in the edges join them) but hardly parts of a face and of what it hides.
+    """
+    lines = classical_edges(cut, _RADIUS_PX, _CELL_STEP, _CELL_LINE_PX) >= 128
+    cells, _ = ndimage.label(cut.inside & ~lines)
+    return np.asarray(cells, np.int32)
+
+
 def visible_samples(
-    views: Views, view: int, cut: Crop, samples: Samples
+    views: Views, view: int, cut: Crop, samples: Samples, cells: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
-    """Samples that face a view and are not hidden behind others.
+    """Samples that face a view and are not hidden behind others of the same edge-bounded cell.
+
+    The rim of a small hole lies within the samples' spacing of everything in the hole and would hide it; the
+    image's edges say where the rim ends.
 
     Returns:
         (M, 2) pixel positions (x, y) in the crop, (M,) indices of these samples, and their spacing in pixels.
@@ -140,36 +158,35 @@ def visible_samples(
         return np.zeros((0, 2)), index, 0.0
     focal = float(views.cameras.intrinsics[view, :2].mean())
     spacing_px = samples.spacing * focal / float(np.median(depth[index]))
-    buffer = np.full((height, width), np.inf, np.float32)
-    np.minimum.at(buffer, (row[index], column[index]), depth[index].astype(np.float32))
-    size = 2 * round(_SPLAT * spacing_px) + 1
-    buffer = np.asarray(cv2.erode(buffer, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))), np.float32)
-    # a slanted face is deeper at the far end of the splat than at its near end
-    slant = np.sqrt(1 - np.clip(facing[index], 0, 1) ** 2) / facing[index]
-    tolerance = samples.spacing * (1 + _SPLAT * np.minimum(slant, 3.0))
-    index = index[depth[index] <= buffer[row[index], column[index]] + tolerance]
-    index = index[~_alone_behind(pixel[index], depth[index], _BEHIND * samples.spacing)]
-    return pixel[index], index, spacing_px
+    pixel, depth = pixel[index], depth[index]
+    place = _in_cells(pixel, cells[row[index], column[index]])
+    count = min(_OCCLUDERS, len(index))
+    _, near = cKDTree(place).query(place, k=count, distance_upper_bound=_SPLAT * spacing_px)
+    front = np.append(depth, np.inf)[near.reshape(len(index), count)].min(1)
+    # a slanted face is deeper at the far end of the neighbourhood than at its near end
+    cosine = np.clip(facing[index], _FACING, 1)
+    slant = np.minimum(np.sqrt(1 - cosine**2) / cosine, _MAX_SLANT)
+    seen = depth <= front + samples.spacing * (1 + _SPLAT * slant)
+    return pixel[seen], index[seen], spacing_px
 
 
-def _alone_behind(pixel: NDArray[np.float64], depth: NDArray[np.float64], step: float) -> NDArray[np.bool_]:
-    """Samples seen through a gap between others: nearly all their neighbours in the image lie in front of them."""
-    if len(pixel) <= _NEIGHBOURS:
-        return np.zeros(len(pixel), bool)
-    _, nearest = cKDTree(pixel).query(pixel, k=_NEIGHBOURS + 1)
-    in_front = depth[nearest[:, 1:]] < depth[:, None] - step
-    return np.asarray(in_front.sum(1) >= _IN_FRONT)
+def _in_cells(pixel: NDArray[np.float64], cell: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(M, 3) positions in which different cells lie farther apart than any two pixels."""
+    return np.column_stack([pixel, cell * _CELL_GAP])
 
 
 def projected_labels(
-    pixel: NDArray[np.float64], label: NDArray[np.int64], inside: NDArray[np.bool_]
+    pixel: NDArray[np.float64], label: NDArray[np.int64], inside: NDArray[np.bool_], cells: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """Label + 1 of every object pixel by the vote of its nearest labelled samples, closer ones counting more.
+    """Label + 1 of every object pixel by the vote of the nearest labelled samples in its cell, closer ones count more.
+
+    Pixels on edges, and in cells without a sample, are decided by the nearest samples of any cell.
 
     Args:
         pixel: (M, 2) positions (x, y) of the visible samples.
         label: (M,) their labels, negative = unlabelled.
         inside: (h, w) silhouette.
+        cells: (h, w) edge-bounded cells.
 
     Returns:
         (h, w) int32, 0 off the object.
@@ -180,16 +197,26 @@ def projected_labels(
     if not used.any():
         return raw
     pixel, label = pixel[used], label[used]
-    rows, columns = np.nonzero(inside)
-    k = min(_VOTERS, len(pixel))
-    distance, nearest = cKDTree(pixel).query(np.column_stack([columns + 0.5, rows + 0.5]), k=k)
-    distance, nearest = distance.reshape(len(rows), k), nearest.reshape(len(rows), k)
-    weight = 1 / (distance + np.median(distance[:, -1]))
-    voted = label[nearest]
-    same = voted[:, :, None] == voted[:, None, :]
-    votes = (same * weight[:, None, :]).sum(2)
-    raw[rows, columns] = voted[np.arange(len(rows)), votes.argmax(1)] + 1
+    cell = cells[pixel[:, 1].astype(int), pixel[:, 0].astype(int)]
+    certain = np.isin(cells, cell[cell > 0]) & (cells > 0)
+    for where, of_cells in ((certain, True), (inside & ~certain, False)):
+        rows, columns = np.nonzero(where)
+        if len(rows):
+            centre = np.column_stack([columns + 0.5, rows + 0.5])
+            target = _in_cells(centre, cells[rows, columns]) if of_cells else centre
+            raw[rows, columns] = _vote(_in_cells(pixel, cell) if of_cells else pixel, label, target) + 1
     return raw
+
+
+def _vote(place: NDArray[np.float64], label: NDArray[np.int64], target: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Label that most of the nearest samples have, weighted by closeness."""
+    k = min(_VOTERS, len(place))
+    distance, nearest = cKDTree(place).query(target, k=k)
+    distance, nearest = distance.reshape(len(target), k), nearest.reshape(len(target), k)
+    weight = 1 / (distance + np.median(distance[:, -1]) + 1e-9)
+    voted = label[nearest]
+    votes = ((voted[:, :, None] == voted[:, None, :]) * weight[:, None, :]).sum(2)
+    return np.asarray(voted[np.arange(len(target)), votes.argmax(1)])
 
 
 def eroded_markers(raw: NDArray[np.int32], margin: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
