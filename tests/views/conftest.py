@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from brepgaussian.settings.views import ViewsSettings
 
-SMALL = ViewsSettings(rendered_views=12, image_size=160, truth_points=2000, mesh_deflection=2e-4, subsamples=4)
+SMALL = ViewsSettings(
+    rendered_views=12, image_size=160, truth_points=2000, mesh_deflection=2e-4, subsamples=4, interreflection=0.0
+)
 
 
 @pytest.fixture(scope="session")
