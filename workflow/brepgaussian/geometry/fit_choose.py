@@ -21,6 +21,7 @@ KEPT = 0.9  # share of the points that judges a fit: wrong labels must not choos
 # What a kind costs in parameters: its own number, more for the sphere, which mechanical parts seldom have
 # and which imitates any narrow band of a cone.
 PRICE = {**{k: float(v) for k, v in PARAMETERS.items()}, "sphere": 6.5}
+MIN_TORUS_RATIO = 0.25  # radii of a torus; below it is a sphere with a dent
 MAX_TORUS_RATIO = 100.0  # radii of a torus; beyond it the data cannot tell it from a cylinder
 _SMALL = 1e-12
 
@@ -153,7 +154,8 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
     if surface.radius + surface.minor > reach:
         return False
     if surface.kind == "torus":
-        return surface.minor < 10 * extent and surface.radius < MAX_TORUS_RATIO * surface.minor
+        ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
+        return ring and surface.minor < 10 * extent
     if surface.kind == "cone" and not np.radians(2.0) < surface.angle < np.radians(88.0):
         return False
     return surface.radius < 20 * extent

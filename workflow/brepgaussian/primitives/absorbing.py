@@ -2,12 +2,16 @@
 
 Surfels round sharp edges off, and the strip between two faces then looks like a small patch of its own with
 normals in between. Its points lie near one neighbour or the other and their normals lean towards it; those of
-a chamfer stand apart in angle, those of a fillet that is large enough to be seen in distance.
+a chamfer stand apart in angle, those of a fillet that is large enough to be seen in distance. The images tell
+them apart too: on a rounded-off edge the edge value peaks in the middle, where the normal is furthest from both
+faces, on a real strip at its borders.
 """
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
 
-from brepgaussian.geometry.fit import inliers
+from brepgaussian.geometry.fit import inliers, residuals
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners
 from brepgaussian.settings.primitives import PrimitivesSettings
@@ -16,6 +20,8 @@ log = get_logger("primitives")
 
 NEAR = 4.0  # noises from a neighbour's surface within which a point needs no face of its own,
 LEANING = np.radians(32.0)  # if its normal is no further off: the walls of a chamfer are 45 degrees apart
+DOUBTFUL = 0.4  # the share where edge values decide,
+PEAKED = 0.25  # by their rank correlation with the angle from the neighbours
 EXPLAINED = 0.65  # share of its points that makes a patch superfluous
 LARGER = 2.0  # times as many points as the patch that a neighbour must have
 TOUCHING = 3  # neighbour pairs that make two patches adjacent
@@ -40,4 +46,15 @@ def _superfluous(patch: Patch, neighbours: list[Patch], cloud: Cloud, noise: Noi
         return False
     xyz, normals = cloud.xyz[patch.members], cloud.normals[patch.members]
     near = [inliers(n.surface, xyz, normals, NEAR * noise.distance, LEANING) for n in larger]
-    return float(np.any(near, axis=0).mean()) > EXPLAINED
+    share = float(np.any(near, axis=0).mean())
+    if share > EXPLAINED or share < DOUBTFUL:
+        return share > EXPLAINED
+    turn = np.min([residuals(n.surface, xyz, normals)[1] for n in larger], axis=0)
+    return rank_correlation(cloud.edge[patch.members], turn) > PEAKED
+
+
+def rank_correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    """Spearman's correlation of two (N,) arrays, 0 where one is constant."""
+    ranks = [rankdata(v) - (len(v) + 1) / 2 for v in (first, second)]
+    norm = float(np.linalg.norm(ranks[0]) * np.linalg.norm(ranks[1]))
+    return float(ranks[0] @ ranks[1]) / norm if norm > 0 else 0.0

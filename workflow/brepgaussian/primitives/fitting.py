@@ -33,6 +33,7 @@ SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
 SPLIT_COUNT = 40  # points
 MOST_SPLITS = 6  # faces that one label may hold
 EXPLAINED = 2.0  # noises: parts that fit worse than that are no faces either
+SAMPLES = 40  # of RANSAC for each kind
 FACE_PRICE = 4.0  # parameters that a further face costs beyond those of its surface: its border
 ALIGNED = np.radians(30.0)  # a point's normal may differ that much, at least, from its surface
 
@@ -144,9 +145,9 @@ def split(whole: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
     parts: list[Patch] = []
     enough = max(SPLIT_COUNT, SPLIT_SHARE * len(whole.members))
     while len(rest) >= enough and len(parts) < MOST_SPLITS:
-        some = thinned(rest, settings.sample)
+        some = thinned(rest, settings.sample // 2)
         reach, turn = 3 * noise.distance, max(ALIGNED / 2, 2.5 * noise.turn)
-        surface, _ = ransac(cloud.xyz[some], cloud.normals[some], settings.kinds, reach, turn, rng)
+        surface, _ = ransac(cloud.xyz[some], cloud.normals[some], settings.kinds, reach, turn, rng, SAMPLES)
         if surface is None:
             break
         near = rest[inliers(surface, cloud.xyz[rest], cloud.normals[rest], reach, turn)]

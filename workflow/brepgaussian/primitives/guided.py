@@ -23,6 +23,7 @@ from brepgaussian.geometry.fit import (
     torus_about,
 )
 from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE, UNEXPLAINED
+from brepgaussian.geometry.fit_refine import PARAMETERS
 from brepgaussian.geometry.surfaces import Surface, plane, sphere
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, thinned
@@ -77,9 +78,10 @@ def known(patches: list[Patch], state: State) -> Known:
     return Known(directions[:MOST], axes[:MOST])
 
 
-def guide(patches: list[Patch], state: State, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> list[Patch]:
+def guide(
+    patches: list[Patch], sources: Known, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
+) -> list[Patch]:
     """Replace the surface of a patch where one along a known direction describes it in fewer words."""
-    sources = known(patches, state)
     if not sources.directions:
         return patches
     result = []
@@ -102,13 +104,13 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
         if start.kind not in settings.kinds:
             continue
         try:
-            if free:
-                start = fit_robust(start.kind, points, normals, noise.distance, initial=start, free=free)[0]
+            start = fit_robust(start.kind, points, normals, noise.distance, initial=start, free=free)[0]
         except (ValueError, np.linalg.LinAlgError):
             continue
         start = oriented(start, points, normals)
         if plausible(start, points, settings.largest_radius):
-            candidates.append((start, float(max(len(free), 1)), choices))
+            rarity = PRICE[start.kind] - PARAMETERS[start.kind]  # as in a free choice
+            candidates.append((start, len(free) + rarity, choices))
     misfits = np.array([misfit(s, points, normals) for s, _, _ in candidates])
     floor = np.maximum([noise.distance, noise.turn], UNEXPLAINED * misfits.min(axis=0))
     count = min(len(points), EFFECTIVE)

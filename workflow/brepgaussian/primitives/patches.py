@@ -34,13 +34,14 @@ class Cloud:
     """Labelled points in double precision with their neighbourhoods.
 
     Attributes:
-        xyz, normals: (N, 3); label: (N,); neighbours: (N, K) indices of the nearest points;
-        spacing: median distance to the nearest labelled point.
+        xyz, normals: (N, 3); label: (N,); edge: (N,) edge value in 0..1;
+        neighbours: (N, K) indices of the nearest points; spacing: median distance to the nearest labelled point.
     """
 
     xyz: Array
     normals: Array
     label: Indices
+    edge: Array
     neighbours: Indices
     spacing: float
 
@@ -73,13 +74,12 @@ def make_cloud(points: Points, neighbours: int) -> Cloud:
     xyz = points.xyz.astype(np.float64)
     normals = points.normals.astype(np.float64)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    label, edge = points.label.astype(np.int64), points.edge.astype(np.float64)
     count = min(neighbours, max(len(xyz) - 1, 0))
     if count == 0:
-        return Cloud(xyz, normals, points.label.astype(np.int64), np.zeros((len(xyz), 0), np.int64), 0.0)
+        return Cloud(xyz, normals, label, edge, np.zeros((len(xyz), 0), np.int64), 0.0)
     distance, index = cKDTree(xyz).query(xyz, k=count + 1)
-    return Cloud(
-        xyz, normals, points.label.astype(np.int64), index[:, 1:].astype(np.int64), float(np.median(distance[:, 1]))
-    )
+    return Cloud(xyz, normals, label, edge, index[:, 1:].astype(np.int64), float(np.median(distance[:, 1])))
 
 
 def islands(cloud: Cloud, members: Indices) -> list[Indices]:

@@ -13,8 +13,9 @@ from brepgaussian.geometry.fit import abreast
 from brepgaussian.geometry.surfaces import KINDS
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.absorbing import absorb
+from brepgaussian.primitives.families import join_families
 from brepgaussian.primitives.fitting import fit_labels, measure_noise, support
-from brepgaussian.primitives.guided import guide
+from brepgaussian.primitives.guided import guide, known
 from brepgaussian.primitives.merging import merge_neighbours
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, make_cloud
 from brepgaussian.primitives.regularise import regularise, state_of
@@ -22,6 +23,8 @@ from brepgaussian.settings.base import digest
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
+
+ROUNDS = 2  # a family found in the first gives an axis to the second
 
 
 def fit_primitives(
@@ -63,7 +66,13 @@ def primitives_of(points: Points, settings: PrimitivesSettings) -> Primitives:
     if settings.absorb:
         patches = absorb(patches, cloud, noise, settings)
     if settings.guide:
-        patches = guide(patches, state_of(patches, cloud, noise, settings), cloud, noise, settings)
+        for _ in range(ROUNDS):
+            before = len(patches)
+            sources = known(patches, state_of(patches, cloud, noise, settings))
+            patches = guide(patches, sources, cloud, noise, settings)
+            patches = join_families(patches, sources, cloud, noise, settings)
+            if len(patches) == before:
+                break
     if settings.merge:
         patches = merge_neighbours(patches, cloud, noise, settings)
         noise = measure_noise(patches, settings)
