@@ -16,11 +16,13 @@ from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.labelling import Weights, label, one_body
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polyhedron import polyhedral
+from brepgaussian.brep.refine.mesh import FaceMesh, from_solid
 from brepgaussian.brep.sheets import Sheet, make_sheet
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.brep.solid import boundary, solid_from_facets
+from brepgaussian.brep.structure import Structure, extract
 from brepgaussian.brep.verdict import Verdict
-from brepgaussian.errors import StageError
+from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 
@@ -33,11 +35,34 @@ def attempt(job: Job, rung: Rung) -> Attempt:
         shape, notes = assemble(job, rung)
         patches = patches_of(job, rung)
         verdict = examine(shape, patches, job.silhouettes, job.settings, job.ends)
-        surfaces = tuple(p.surface for p in patches)
+        verdict, surfaces = oriented(verdict, tuple(p.surface for p in patches))
         data = None if verdict.faults else occ.to_bytes(shape)
-    except (StageError, ValueError, RuntimeError, AssertionError) as error:
+    except Exception as error:  # OCC raises types of its own; whatever it is, the next rung is tried
         data, notes, surfaces, verdict = None, {}, (), Verdict((str(error) or type(error).__name__,))
     return Attempt(rung.name, data, verdict, surfaces, notes=notes)
+
+
+def oriented(verdict: Verdict, surfaces: tuple[Surface, ...]) -> tuple[Verdict, tuple[Surface, ...]]:
+    """Surfaces whose normals point out of the solid on most of their area, and the structure to match."""
+    structure = verdict.structure
+    if structure is None:
+        return verdict, surfaces
+    vote = np.zeros(len(surfaces))
+    for face in structure.faces:
+        if face.surface >= 0:
+            vote[face.surface] += -face.area if face.flipped else face.area
+    faces = tuple(
+        replace(f, flipped=f.flipped != bool(f.surface >= 0 and vote[f.surface] < 0)) for f in structure.faces
+    )
+    turned = tuple(s.flip() if v < 0 else s for s, v in zip(surfaces, vote, strict=True))
+    return replace(verdict, structure=replace(structure, faces=faces)), turned
+
+
+def inspect(data: bytes, surfaces: tuple[Surface, ...]) -> tuple[Structure, FaceMesh]:
+    """Structure and triangulation of one and the same shape, for the refinement."""
+    shape = occ.from_bytes(data)
+    structure = extract(shape, surfaces)
+    return structure, from_solid(shape)
 
 
 def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:

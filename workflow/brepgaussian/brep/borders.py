@@ -11,7 +11,7 @@ from brepgaussian.brep.patches import Patch
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_WINDOW = 1.6  # of reach: holds about 15 points
+_WINDOW = 2.2  # of reach: holds about 30 points, random voids are rarely as wide
 _GAP = np.radians(130.0)  # an empty sector this wide makes a border point (180 at a straight border, 70 inside)
 _MOST_NEAR = 64  # neighbours looked at
 _TOUCH = 2.0  # of reach: both patches may end this much short of their common edge

@@ -17,15 +17,18 @@ from brepgaussian.geometry.surfaces import Surface, cylinder, plane
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_LINK = 3.0  # of reach: steps between border points of one loop (corners are thin)
+_LINK = 4.0  # of reach: steps between border points of one loop (corners are thin)
 _NEAR = 0.8  # of reach: border points lie this far inside the true border
 _LEAST = 12  # border points that suggest a plane or a circle
 _LEAST_SPREAD = 2.0  # of reach: a loop narrower than this is a line and fixes no plane
-_SHARE = 0.5  # of a loop's points that its plane must hold
+_SHARE = 0.5  # of a loop's points that its circle must hold
+_MOST_PLANES = 4  # looked for in one loop
 _DRAWS = 300
 _SNAP = np.radians(5.0)  # directions closer than this to one that is known are taken as it
 _EDGE_QUANTILE = 0.85  # of border points' positions: where the border is
 _ARC = np.radians(120.0)  # a circle must be seen over at least this angle
+_PARALLEL = 1e-6  # cosine between a cylinder's axis and the normal of a plane along it
+_FEW = 6  # caps up to this number go through the whole box: their borders are the least certain
 _ROUND = 40  # points that stand for a cap's circle
 
 
@@ -43,14 +46,41 @@ def find_caps(patches: Sequence[Patch], borders: Sequence[Indices], seed: int) -
     directions = [p.surface.axis for p in patches if p.surface.kind != "sphere"]
     found += _planes(xyz, inward, directions, reach, rng)
     caps: list[Patch] = []
-    for cap in found:
-        if not any(_repeats(cap, other, reach) for other in (*patches, *caps)):
+    for guess in found:
+        cap = _tangent(guess, patches, reach)
+        if any(_repeats(cap, other, reach) for other in patches):
+            continue
+        same = next((k for k, other in enumerate(caps) if _repeats(cap, other, reach)), None)
+        if same is None:
             caps.append(cap)
-    return caps
+        else:  # another piece of the same loop
+            both = np.concatenate([caps[same].xyz, caps[same].surface.project(cap.xyz)])
+            caps[same] = replace(caps[same], xyz=both, normals=caps[same].surface.normals(both).copy())
+    return [replace(c, whole=True) for c in caps] if len(caps) <= _FEW else caps
 
 
 def _cap(surface: Surface, xyz: Array, reach: float) -> Patch:
     return Patch(surface, -1, xyz, surface.normals(xyz).copy(), reach, 0.0, cap=True)
+
+
+def _tangent(cap: Patch, patches: Sequence[Patch], reach: float) -> Patch:
+    """A plane that all but touches a cylinder along a line is put onto it: a fillet ends there."""
+    if cap.surface.kind != "plane":
+        return cap
+    normal = cap.surface.axis
+    for patch in patches:
+        surface = patch.surface
+        if surface.kind != "cylinder" or abs(surface.axis @ normal) > _PARALLEL:
+            continue
+        away = float((surface.origin - cap.surface.origin) @ normal)
+        shift = away - np.sign(away) * surface.radius
+        touch = surface.origin - np.sign(away) * surface.radius * normal
+        axis = surface.axis
+        near = patch.xyz - touch - ((patch.xyz - touch) @ axis)[:, None] * axis
+        if abs(shift) < reach and np.linalg.norm(near, axis=1).min() < 2 * reach:
+            moved = plane(cap.surface.origin + shift * normal, normal)
+            return _cap(moved, moved.project(cap.xyz), cap.reach)
+    return cap
 
 
 def _repeats(cap: Patch, other: Patch, reach: float) -> bool:
@@ -66,10 +96,12 @@ def _planes(
     """Planes through loops of border points."""
     result = []
     for group in clusters(xyz, _LINK * reach):
-        left, size = group, len(group)
-        while len(left) >= max(_LEAST, _SHARE * 0.5 * size):
+        left = group
+        for _ in range(_MOST_PLANES):
+            if len(left) < _LEAST:
+                break
             inliers, normal = _best_plane(xyz[left], _NEAR * reach, rng)
-            if len(inliers) < max(_LEAST, _SHARE * 0.5 * size):
+            if len(inliers) < _LEAST:
                 break
             on = xyz[left[inliers]]
             spread = np.linalg.svd(on - on.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(on))

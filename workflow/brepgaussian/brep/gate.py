@@ -66,6 +66,7 @@ def examine(
         iou=iou,
         bare=bare,
         ends=_at_edges(structure, ends, settings),
+        caps=sum(f.surface >= 0 and patches[f.surface].cap for f in structure.faces),
         faces=len(structure.faces),
         edges=len(structure.edges),
         vertices=sum(v.corner for v in structure.vertices),

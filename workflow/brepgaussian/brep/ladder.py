@@ -13,6 +13,7 @@ from brepgaussian.brep.borders import open_points
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.patches import make_patches
+from brepgaussian.brep.polish import polish
 from brepgaussian.brep.silhouettes import make_silhouettes
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.verdict import Verdict
@@ -73,11 +74,11 @@ def rungs(job: Job) -> list[Rung]:
     return result
 
 
-def climb(worker: Worker, job: Job, points: Points, start: float) -> Outcome:
+def climb(worker: Worker, job: Job, points: Points, start: float, views: Views | None = None) -> Outcome:
     """Try the rungs in order.
 
     The first solid without doubts is published; failing that the best of those with doubts, if it explains
-    enough; failing that the polyhedral fallback.
+    enough; failing that the polyhedral fallback. With views, the chosen solid is refined against them.
 
     Raises:
         StageError: not even the fallback closes.
@@ -101,9 +102,15 @@ def climb(worker: Worker, job: Job, points: Points, start: float) -> Outcome:
     if chosen is None:
         chosen = _fallback(worker, job, points)
         tried.append(chosen)
+    judged: dict[str, Any] = {}
+    if views is not None and not chosen.fallback:
+        rung = next(r for r in ladder if r.name == chosen.rung)
+        polished = polish(worker, job, rung, chosen, views)
+        chosen, judged = polished.attempt, polished.report
+        log.info("refined: %s", {k: v for k, v in judged.items() if k != "refinement"})
     assert chosen.shape is not None
     assert chosen.verdict.structure is not None
-    return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, _report(chosen, tried, job))
+    return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, _report(chosen, tried, job) | judged)
 
 
 def _remarks(result: Attempt) -> str:
@@ -163,7 +170,7 @@ def _report(chosen: Attempt, tried: list[Attempt], job: Job) -> dict[str, Any]:
         "bare": round(verdict.bare, _DIGITS),
         "ends": round(verdict.ends, _DIGITS),
         "hints": list(verdict.hints),
-        "caps": sum(f.surface >= len(job.patches) for f in verdict.structure.faces) if verdict.structure else 0,
+        "caps": verdict.caps,
         "faces": verdict.faces,
         "edges": verdict.edges,
         "vertices": verdict.vertices,

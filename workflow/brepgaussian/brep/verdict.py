@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from brepgaussian.brep.structure import Structure
 
 IOU_WEIGHT = 5.0  # a silhouette that is off by one percent weighs as five percent of the points
-ENDS_WEIGHT = 0.5
+ENDS_WEIGHT = 0.3
+CAP_COST = 0.05  # a guessed face must pay
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Verdict:
         iou: mean silhouette IoU, None without views.
         bare: share of the area that no point supports.
         ends: share of the points on open borders that lie at an edge of the solid.
+        caps: number of faces on guessed surfaces.
         faces, edges, vertices, volume: of the solid.
         structure: its faces, edges and vertices by surface.
     """
@@ -33,6 +35,7 @@ class Verdict:
     iou: float | None = None
     bare: float = 1.0
     ends: float = 1.0
+    caps: int = 0
     faces: int = 0
     edges: int = 0
     vertices: int = 0
@@ -42,4 +45,10 @@ class Verdict:
     @property
     def score(self) -> float:
         """For choosing among solids with doubts."""
-        return self.explained_all + IOU_WEIGHT * (self.iou or 0.0) + ENDS_WEIGHT * self.ends - self.bare
+        return (
+            self.explained_all
+            + IOU_WEIGHT * (self.iou or 0.0)
+            + ENDS_WEIGHT * self.ends
+            - self.bare
+            - CAP_COST * self.caps
+        )
