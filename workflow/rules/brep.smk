@@ -8,9 +8,9 @@ rule brep:
         points=kept("points", "points.ply"),
         primitives=kept("primitives", "primitives.h5"),
     output:
-        step=ensure(RESULTS + "/{variant}/{object}/brep.step", non_empty=True),
-        glb=ensure(RESULTS + "/{variant}/{object}/brep.glb", non_empty=True),
-        brep=ensure(RESULTS + "/{variant}/{object}/brep.h5", non_empty=True),
+        step=ensure(made("brep.step"), non_empty=True),
+        glb=ensure(made("brep.glb"), non_empty=True),
+        brep=ensure(made("brep.h5"), non_empty=True),
     log:
         "logs/{variant}/{object}/brep.log",
     benchmark:

@@ -41,6 +41,11 @@ wildcard_constraints:
     variant=pattern(VARIANTS.names),
 
 
+def made(file):
+    """Pattern of a file that a stage makes."""
+    return f"{RESULTS}/{{variant}}/{{object}}/{file}"
+
+
 def kept(stage, file):
     """An input function: a stage's file, in the folder of the variant that keeps it."""
     return (
@@ -85,7 +90,7 @@ def benchmarks(wildcards):
 def rows():
     """One row of metrics an object and variant."""
     return expand(
-        RESULTS + "/{variant}/{object}/metrics.csv",
+        made("metrics.csv"),
         variant=config["variants"],
         object=OBJECTS,
     )

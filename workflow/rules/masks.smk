@@ -11,7 +11,7 @@ rule masks:
             else []
         ),
     output:
-        masks=ensure(RESULTS + "/{variant}/{object}/masks.h5", non_empty=True),
+        masks=ensure(made("masks.h5"), non_empty=True),
     log:
         "logs/{variant}/{object}/masks.log",
     benchmark:

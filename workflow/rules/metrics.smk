@@ -10,7 +10,7 @@ rule object_metrics:
         step=kept("brep", "brep.step"),
         brep=kept("brep", "brep.h5"),
     output:
-        row=ensure(RESULTS + "/{variant}/{object}/metrics.csv", non_empty=True),
+        row=ensure(made("metrics.csv"), non_empty=True),
     log:
         "logs/{variant}/{object}/metrics.log",
     benchmark:
@@ -34,7 +34,7 @@ rule metrics:
         rows=rows(),
     output:
         table=report(
-            ensure(RESULTS + "/metrics.csv", non_empty=True),
+            ensure(f"{RESULTS}/metrics.csv", non_empty=True),
             caption="../report/metrics.rst",
             category="Metrics",
         ),

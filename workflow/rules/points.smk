@@ -10,7 +10,7 @@ rule points:
         evidence=kept("stage1", "stage1.h5"),
         stage2=kept("stage2", "stage2.h5"),
     output:
-        points=ensure(RESULTS + "/{variant}/{object}/points.ply", non_empty=True),
+        points=ensure(made("points.ply"), non_empty=True),
     log:
         "logs/{variant}/{object}/points.log",
     benchmark:

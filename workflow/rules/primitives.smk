@@ -6,7 +6,7 @@ rule primitives:
     input:
         points=kept("points", "points.ply"),
     output:
-        primitives=ensure(RESULTS + "/{variant}/{object}/primitives.h5", non_empty=True),
+        primitives=ensure(made("primitives.h5"), non_empty=True),
     log:
         "logs/{variant}/{object}/primitives.log",
     benchmark:

@@ -16,13 +16,13 @@ rule page:
         row=kept("metrics", "metrics.csv"),
     output:
         page=report(
-            ensure(RESULTS + "/{variant}/{object}/view.html", non_empty=True),
+            ensure(made("view.html"), non_empty=True),
             caption="../report/page.rst",
             category="Objects",
             labels={"object": "{object}", "variant": "{variant}", "what": "page"},
         ),
         sheet=report(
-            ensure(RESULTS + "/{variant}/{object}/sheet.png", non_empty=True),
+            ensure(made("sheet.png"), non_empty=True),
             caption="../report/sheet.rst",
             category="Objects",
             labels={
@@ -52,7 +52,7 @@ rule pages:
     """All pages and contact sheets."""
     input:
         expand(
-            RESULTS + "/{variant}/{object}/{file}",
+            made("{file}"),
             variant=config["variants"],
             object=OBJECTS,
             file=["view.html", "sheet.png"],

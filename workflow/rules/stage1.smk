@@ -7,8 +7,8 @@ rule stage1:
         views=kept("views", "views.h5"),
         masks=kept("masks", "masks.h5"),
     output:
-        surfels=ensure(RESULTS + "/{variant}/{object}/stage1.ply", non_empty=True),
-        evidence=ensure(RESULTS + "/{variant}/{object}/stage1.h5", non_empty=True),
+        surfels=ensure(made("stage1.ply"), non_empty=True),
+        evidence=ensure(made("stage1.h5"), non_empty=True),
     log:
         "logs/{variant}/{object}/stage1.log",
     benchmark:

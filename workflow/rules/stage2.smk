@@ -8,7 +8,7 @@ rule stage2:
         masks=kept("masks", "masks.h5"),
         surfels=kept("stage1", "stage1.ply"),
     output:
-        stage2=ensure(RESULTS + "/{variant}/{object}/stage2.h5", non_empty=True),
+        stage2=ensure(made("stage2.h5"), non_empty=True),
     log:
         "logs/{variant}/{object}/stage2.log",
     benchmark:

@@ -6,8 +6,8 @@ rule views:
     input:
         files=lambda wildcards: source_files(OBJECTS[wildcards.object]),
     output:
-        views=ensure(RESULTS + "/{variant}/{object}/views.h5", non_empty=True),
-        truth=ensure(RESULTS + "/{variant}/{object}/truth.h5", non_empty=True),
+        views=ensure(made("views.h5"), non_empty=True),
+        truth=ensure(made("truth.h5"), non_empty=True),
     log:
         "logs/{variant}/{object}/views.log",
     benchmark:
@@ -30,6 +30,6 @@ rule views:
 
 use rule views as views_without_truth with:
     output:
-        views=ensure(RESULTS + "/{variant}/{object}/views.h5", non_empty=True),
+        views=ensure(made("views.h5"), non_empty=True),
     wildcard_constraints:
         object=pattern(name for name, row in OBJECTS.items() if not has_truth(row)),

@@ -3,9 +3,9 @@
 from brepgaussian.jobs import job
 
 with job("stage1", snakemake.log[0], snakemake.threads, snakemake.params.failure, snakemake.params.settings):
-    from brepgaussian.splatting.stage1 import train_stage1
     from brepgaussian.settings.base import build
     from brepgaussian.settings.stage1 import Stage1Settings
+    from brepgaussian.splatting.stage1 import train_stage1
 
     train_stage1(
         views_path=snakemake.input.views,

@@ -3,9 +3,9 @@
 from brepgaussian.jobs import job
 
 with job("stage2", snakemake.log[0], snakemake.threads, snakemake.params.failure, snakemake.params.settings):
-    from brepgaussian.splatting.stage2 import train_stage2
     from brepgaussian.settings.base import build
     from brepgaussian.settings.stage2 import Stage2Settings
+    from brepgaussian.splatting.stage2 import train_stage2
 
     train_stage2(
         views_path=snakemake.input.views,

@@ -3,9 +3,9 @@
 from brepgaussian.jobs import job
 
 with job("views", snakemake.log[0], snakemake.threads, snakemake.params.failure, snakemake.params.settings):
-    from brepgaussian.views.stage import make_views
     from brepgaussian.settings.base import build
     from brepgaussian.settings.views import ViewsSettings
+    from brepgaussian.views.stage import make_views
 
     make_views(
         object_name=snakemake.wildcards.object,
