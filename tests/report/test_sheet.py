@@ -59,3 +59,14 @@ def test_colors_are_distinct_and_errors_have_a_round_scale():
     assert colors.error_end(np.zeros(0)) > 0
     ends = colors.error_colors(np.array([0.0, 1.0, 2.0]), 1.0)
     np.testing.assert_array_equal(ends[1], ends[2])
+
+
+def test_best_view_shows_the_hole_from_above(made, example):
+    """A flat view of one side tells less than a view of three sides; all example cameras are above."""
+    views = read_views(made.files.views)
+    truth = example.truth_of(example.drilled_plate(), 100)
+    surface = SampledSurface(truth.mesh_vertices, truth.mesh_triangles, truth.points, truth.normals)
+    best = picture.best_view(views, surface, truth.triangle_face)
+    seen = [len(np.unique(ids)) for ids in example.render(truth, views.cameras)[0]]
+    assert seen[best] == max(seen)
+    assert picture.upward(views.cameras)[2] > 0.99

@@ -75,10 +75,17 @@ class SampledSurface:
 
     @cached_property
     def scene(self) -> Any:
-        """The triangles as an open3d ray casting scene (float32)."""
+        """The triangles as an open3d ray casting scene (float32), without slivers."""
+        return self._scene(*self._mesh)
+
+    @cached_property
+    def plain_scene(self) -> Any:
+        """The same with the triangles as they are, for pictures."""
+        return self._scene(self.vertices, self.triangles)
+
+    def _scene(self, vertices: Array, triangles: NDArray[np.int32]) -> Any:
         import open3d as o3d
 
-        vertices, triangles = self._mesh
         scene = o3d.t.geometry.RaycastingScene(nthreads=self.threads)
         scene.add_triangles(to_tensor(vertices, np.float32), to_tensor(triangles, np.uint32))
         return scene

@@ -17,7 +17,6 @@ CORNER = np.array([0.85, 0.20, 0.16])
 # Errors from none to the scale's end: blue grey, yellow, orange, dark red.
 _ERROR_STOPS = np.array([[0.80, 0.86, 0.92], [0.99, 0.88, 0.45], [0.95, 0.45, 0.15], [0.50, 0.0, 0.10]])
 
-_KEY_LIGHT = np.array([0.35, -0.45, 0.82])
 _AMBIENT, _DIFFUSE, _HEADLIGHT = 0.30, 0.58, 0.24
 
 
@@ -42,13 +41,19 @@ def error_end(errors: Array) -> float:
     return float(next(step * power for step in (1, 2, 5, 10) if step * power >= largest * (1 - 1e-9)))
 
 
-def shade(colors: Array, normals: Array, directions: Array) -> Array:
-    """(N, 3) lit colours of surfaces with (N, 3) outward normals, seen along (N, 3) unit directions."""
-    light = _KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)
-    front = np.where((normals * directions).sum(axis=1) > 0, -1.0, 1.0)[:, None] * normals
+def shade(colors: Array, normals: Array, directions: Array, light: Array) -> Array:
+    """Lit colours (N, 3).
+
+    Args:
+        colors: (N, 3) colours of surfaces.
+        normals: (N, 3) their unit normals; a surface seen from behind is lit as from the front.
+        directions: (N, 3) unit directions of view.
+        light: (3,) unit direction towards the light.
+    """
+    facing = (normals * directions).sum(axis=1)
+    front = np.where(facing > 0, -1.0, 1.0)[:, None] * normals
     key = 0.5 + 0.5 * (front @ light)  # half Lambert: no side is black
-    head = np.abs((normals * directions).sum(axis=1))
-    return np.clip(colors * (_AMBIENT + _DIFFUSE * key + _HEADLIGHT * head)[:, None], 0, 1)
+    return np.clip(colors * (_AMBIENT + _DIFFUSE * key + _HEADLIGHT * np.abs(facing))[:, None], 0, 1)
 
 
 def _distinct(index: int) -> tuple[float, float, float]:

@@ -72,8 +72,8 @@ class Content:
 
     @cached_property
     def view(self) -> int:
-        """The input view that shows most of the object."""
-        return best_view(self.masks.patches, self.views.alpha)
+        """The input view that shows most of the solid."""
+        return best_view(self.views, self.solid.surface, self.solid.face)
 
     @cached_property
     def errors(self) -> Array | None:

@@ -1,6 +1,5 @@
 """One self-contained HTML page of an object: views, layers in 3D, scores, gate report, the STEP."""
 
-import json
 import os
 from pathlib import Path
 from string import Template
@@ -14,10 +13,11 @@ from brepgaussian.metrics.columns import COLUMNS, CURVE, EDGE, HEAD, PATCH, SOLI
 from brepgaussian.report import colors, encode
 from brepgaussian.report.content import Content
 from brepgaussian.report.layers import layers
-from brepgaussian.report.picture import Frame, frame_on_object, runs, visible
+from brepgaussian.report.picture import Frame, frame_on_object, runs, upward, visible
 from brepgaussian.settings.report import ReportSettings
 
 _ASSETS = Path(__file__).parent
+_LONG = 120  # characters of a list that is folded away
 _LARGEST_EMBEDDED = 4_000_000  # bytes of a STEP file that goes into the page itself
 _GROUPS = {
     "Run": HEAD[2:],
@@ -153,7 +153,9 @@ def _tree(value: Any) -> str:
     if isinstance(value, list):
         if any(isinstance(v, (dict, list)) for v in value):
             return "<ol>" + "".join(f"<li>{_tree(v)}</li>" for v in value) + "</ol>"
-        return encode.escape(", ".join(json.dumps(v) if not isinstance(v, str) else v for v in value))
+        words = [v if isinstance(v, str) else encode.escape(v) for v in value]
+        text = encode.escape(", ".join(words))
+        return f"<details><summary>{len(value)} entries</summary>{text}</details>" if len(text) > _LONG else text
     return encode.escape(value)
 
 
@@ -172,11 +174,7 @@ def _primitives(content: Content) -> str:
 def _camera(content: Content) -> dict[str, Any]:
     """Where the viewer starts: the best input view; and which way is up, from all of them."""
     cameras = content.views.cameras
-    view = content.view
-    up = -cameras.cam_from_unit[:, 1, :3].mean(axis=0)
-    length = float(np.linalg.norm(up))
-    up = up / length if length > 0.1 else np.array([0.0, 0, 1])
-    return {"back": _unit(cameras.centers[view] - 0.5), "up": _unit(up)}
+    return {"back": _unit(cameras.centers[content.view] - 0.5), "up": _unit(upward(cameras))}
 
 
 def _unit(vector: NDArray[np.float64]) -> list[float]:
