@@ -1,25 +1,21 @@
 # What all rules share: the library's path, the objects, the variants, and where an artifact is kept.
-import os
 import re
 import sys
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
-LIBRARY = str(Path(workflow.basedir) / "workflow")
-sys.path.insert(0, LIBRARY)
-# scripts find the library by this, in conda environments too
-os.environ["PYTHONPATH"] = os.pathsep.join(
-    filter(None, [LIBRARY, os.environ.get("PYTHONPATH")])
-)
+sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.project.code import code_hash
+from brepgaussian.project.environment import export_library
 from brepgaussian.project.failures import failure_path, unfinished
 from brepgaussian.project.objects import configured_objects, has_truth, source_files
 from brepgaussian.project.stages import STAGES, upstream
 from brepgaussian.project.variants import read_variants
 
+export_library()  # to the scripts, in conda environments too
 RESULTS = config["results"]
 
 try:
@@ -93,4 +89,21 @@ def rows():
         made("metrics.csv"),
         variant=config["variants"],
         object=OBJECTS,
+    )
+
+
+def publish_what_there_is():
+    """After a failure: the table with a row for every object all the same, the failed ones with their reason."""
+    from brepgaussian.metrics.table import collect
+
+    table = f"{RESULTS}/metrics.csv"
+    if workflow.dag is None or table not in map(
+        str, workflow.dag.targetfiles | workflow.dag.derived_targetfiles
+    ):
+        return
+    done, failed = unfinished(RESULTS, VARIANTS, config["variants"], OBJECTS)
+    collect(done, failed, table)
+    print(
+        f"{len(failed)} object(s) failed: see the column `reason` of {table}",
+        file=sys.stderr,
     )

@@ -49,20 +49,3 @@ rule metrics:
         code=code("metrics"),
     script:
         "../scripts/collect_metrics.py"
-
-
-def publish_what_there_is():
-    """After a failure: the table with a row for every object all the same, the failed ones with their reason."""
-    from brepgaussian.metrics.table import collect
-
-    table = str(rules.metrics.output.table)
-    if workflow.dag is None or table not in map(
-        str, workflow.dag.targetfiles | workflow.dag.derived_targetfiles
-    ):
-        return
-    done, failed = unfinished(RESULTS, VARIANTS, config["variants"], OBJECTS)
-    collect(done, failed, table)
-    print(
-        f"{len(failed)} object(s) failed: see the column `reason` of {table}",
-        file=sys.stderr,
-    )
