@@ -30,6 +30,12 @@ def is_abc_nef(folder: Path) -> bool:
     )
 
 
+def seems_abc_nef(folder: Path) -> bool:
+    """Whether a folder holds at least a part of an object, so that a broken one is told of, not passed over."""
+    parts = (folder / ABC_NEF, folder / EMAP, folder / "train_img", folder / "color")
+    return any(part.exists() for part in parts)
+
+
 def find_abc_nef(root: str | Path, truth_root: str | Path = "") -> list[ObjectRow]:
     """All objects under a root folder (at most two levels down), sorted by name.
 
@@ -44,7 +50,7 @@ def find_abc_nef(root: str | Path, truth_root: str | Path = "") -> list[ObjectRo
     if not root.is_dir():
         raise InputError("is not a folder", file=root, fix="set `abc_nef: root:` to the folder of the data set")
     candidates = [root, *sorted(root.glob("*")), *sorted(root.glob("*/*"))]
-    folders = [folder for folder in candidates if folder.is_dir() and is_abc_nef(folder)]
+    folders = [folder for folder in candidates if folder.is_dir() and seems_abc_nef(folder)]
     if not folders:
         raise InputError(
             f"holds no object with {ABC_NEF} and train_img/, or {EMAP} and color/",
