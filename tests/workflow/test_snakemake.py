@@ -19,7 +19,7 @@ select: []
 variants: [full]
 results: results
 settings:
-  views: {image_size: 300, view_count: 20}
+  views: {image_size: 400, rendered_views: 24}
 overlays: {}
 """
 OBJECTS = "object\tsource\tpath\ttruth\tgroup\ngood\tpart\tblock_hole\t\t\nbroken\tnerf\tabsent\t\t\n"

@@ -1,5 +1,5 @@
 # report: a page and a contact sheet per object, tables.
-# needs: everything.  makes: view.html, sheet.png
+# needs: everything.  makes: view.html, sheet.png, tables
 
 
 rule page:
@@ -57,3 +57,28 @@ rule pages:
             object=OBJECTS,
             file=["view.html", "sheet.png"],
         ),
+
+
+rule tables:
+    """The paper's tables with the stricter columns, for the configured objects and variants."""
+    input:
+        table=rules.metrics.output.table,
+    output:
+        tables=report(
+            directory(f"{RESULTS}/tables"),
+            patterns=["{name}.md"],
+            caption="../report/metrics.rst",
+            category="Tables",
+        ),
+    log:
+        "logs/tables.log",
+    benchmark:
+        "benchmarks/tables.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    params:
+        groups={name: row.group for name, row in OBJECTS.items()},
+        code=code_hash("brepgaussian.report.tables"),
+    script:
+        "../scripts/tables.py"
