@@ -16,6 +16,7 @@ from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import polish
 from brepgaussian.brep.silhouettes import make_silhouettes
 from brepgaussian.brep.structure import Structure
+from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError, StageError
@@ -48,6 +49,8 @@ def make_job(views: Views, points: Points, primitives: Primitives, settings: Bre
     """Collect what every attempt needs."""
     patches = make_patches(primitives.items, points, settings.max_reach)
     silhouettes = make_silhouettes(views.alpha, views.cameras, settings.gate_views, settings.gate_side)
+    if settings.tidy:
+        patches = tidy(patches)
     borders = open_points(patches)
     caps = find_caps(patches, borders, settings.seed)
     ends = np.concatenate([*(p.xyz[b] for p, b in zip(patches, borders, strict=True)), np.zeros((0, 3))])

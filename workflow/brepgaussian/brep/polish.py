@@ -12,6 +12,9 @@ from brepgaussian.errors import BrepGaussianError
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 
+OTHER_TOPOLOGY = "its topology differs"
+_SLACK = 0.01  # of the gate's score: what refined surfaces may lose on the points
+
 
 @dataclass(frozen=True)
 class Polished:
@@ -46,6 +49,12 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         moved = with_surfaces(job, rung, result.surfaces)
         rebuilt = worker.call("assemble:attempt", (moved, rung), settings.time_limit_s)
         fault = _difference(attempt, rebuilt)
+        if fault == OTHER_TOPOLOGY:
+            structure, mesh = worker.call("assemble:inspect", (rebuilt.shape, rebuilt.surfaces), settings.time_limit_s)
+            test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=result.poses)
+            if test.mask_iou > result.before.mask_iou and rebuilt.verdict.score > attempt.verdict.score - _SLACK:
+                figures = _figures(test) | {"refined": True, "refinement_fault": fault}
+                return Polished(rebuilt, figures | {"refinement": details})
         if fault:
             log.warning("the refined solid is not published: %s", fault)
             figures = _figures(result.before) | {"refined": False, "refinement_fault": fault}
@@ -81,7 +90,7 @@ def _difference(before: Attempt, after: Attempt) -> str:
     if after.shape is None or after.verdict.structure is None or before.verdict.structure is None:
         return "; ".join(after.verdict.faults) or "it has no structure"
     if topology(before.verdict.structure) != topology(after.verdict.structure):
-        return "its topology differs"
+        return OTHER_TOPOLOGY
     new = set(after.verdict.doubts) - set(before.verdict.doubts)
     return "; ".join(sorted(new)) if len(after.verdict.doubts) > len(before.verdict.doubts) else ""
 

@@ -10,6 +10,7 @@ class BrepSettings:
     """Assembly of a closed solid and its refinement."""
 
     seed: int = setting(0, "Seed of every random choice in this stage.", minimum=0)
+    tidy: bool = setting(True, "Join primitives that are one surface twice, leave out poor small ones.")
     margin: float = setting(
         0.04, "How far a face is extended past its points before faces cut each other.", unit="unit frame", minimum=0.0
     )
