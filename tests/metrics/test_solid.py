@@ -98,6 +98,15 @@ def test_step_is_brought_back_into_the_unit_frame(tmp_path, scale):
     assert solid.check(back) == solid.Health(valid=True, closed=True, solids=1)
 
 
+def test_a_step_in_metres_has_the_units_of_its_views(tmp_path):
+    from brepgaussian.brep import occ, publish
+
+    world_from_unit = np.diag([0.04, 0.04, 0.04, 1.0])  # 40 mm, in metres
+    publish.write_step(occ.to_bytes(drilled_box()), world_from_unit, "m", "part", str(tmp_path / "brep.step"))
+    triangles = triangulation.triangulate(solid.read_step(tmp_path / "brep.step", world_from_unit, "m"), DEFLECTION)
+    np.testing.assert_allclose(triangles.vertices.max(axis=0), 1, atol=1e-7)
+
+
 def test_a_damaged_or_missing_step_is_named(tmp_path):
     (tmp_path / "bad.step").write_text("no step")
     for name in ("bad.step", "none.step"):
