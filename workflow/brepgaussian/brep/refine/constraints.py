@@ -20,6 +20,7 @@ Row = tuple[dict[int, Array], float]  # derivative by each surface's parameters,
 
 _DIFFERENCE = 1e-6  # of the numeric derivative
 _TANGENT_SAMPLES = 5  # on a smooth edge
+_SQUARE = np.radians(2.0)
 _TANGENT_ANGLE = np.radians(20.0)  # smooth edges that deviate more are creases of low angle
 
 
@@ -27,57 +28,101 @@ def _across(vector: Array, axis: Array) -> Array:
     return vector - (vector @ axis) * axis
 
 
+def _inscribed(cone: Surface, cap: Surface, side: Surface) -> float:
+    """Radius of a cone's circle in a plane across its axis, less the distance of its centre from another plane."""
+    along = (cap.origin - cone.origin) @ cap.axis / (cone.axis @ cap.axis)
+    center = cone.origin + along * cone.axis
+    return float(cone.radius + along * np.tan(cone.angle) - abs((center - side.origin) @ side.axis))
+
+
 @dataclass(frozen=True)
 class Tie:
-    """One relation between two surfaces, `first < second`."""
+    """One relation between surfaces.
+
+    Attributes:
+        kind: `parallel`, `perpendicular`, `coaxial`, `coplanar`, `equal_radius`, `equal_minor`, `equal_angle`
+            of two surfaces; `inscribed` of a cone, the plane that cuts it in a circle, and a plane that
+            touches the circle (a nut's chamfer).
+        members: indices of the surfaces.
+    """
 
     kind: str
-    first: int
-    second: int
+    members: tuple[int, ...]
 
 
 # Each value is taken in the frame u, v of the first surface before any step, held fixed for derivatives.
-_VALUE: dict[str, Callable[[Surface, Surface, Array], Array]] = {
-    "parallel": lambda a, b, uv: uv @ (b.axis - np.sign(a.axis @ b.axis) * a.axis),
-    "perpendicular": lambda a, b, uv: np.array([a.axis @ b.axis]),
-    "coaxial": lambda a, b, uv: uv @ _across(b.origin - a.origin, a.axis),
-    "coplanar": lambda a, b, uv: np.array([(b.origin - a.origin) @ a.axis]),
-    "equal_radius": lambda a, b, uv: np.array([a.radius - b.radius]),
-    "equal_minor": lambda a, b, uv: np.array([a.minor - b.minor]),
-    "equal_angle": lambda a, b, uv: np.array([a.angle - b.angle]),
+_VALUE: dict[str, Callable[[Sequence[Surface], Array], Array]] = {
+    "parallel": lambda s, uv: uv @ (s[1].axis - np.sign(s[0].axis @ s[1].axis) * s[0].axis),
+    "perpendicular": lambda s, uv: np.array([s[0].axis @ s[1].axis]),
+    "coaxial": lambda s, uv: uv @ _across(s[1].origin - s[0].origin, s[0].axis),
+    "coplanar": lambda s, uv: np.array([(s[1].origin - s[0].origin) @ s[0].axis]),
+    "equal_radius": lambda s, uv: np.array([s[0].radius - s[1].radius]),
+    "equal_minor": lambda s, uv: np.array([s[0].minor - s[1].minor]),
+    "equal_angle": lambda s, uv: np.array([s[0].angle - s[1].angle]),
+    "inscribed": lambda s, uv: np.array([_inscribed(*s)]),
 }
 _IS_ANGLE = ("parallel", "perpendicular", "equal_angle")
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How far surfaces may be from a relation that they are taken to keep."""
+    """How far surfaces may be from a relation that they are taken to keep.
 
-    angle: float  # radians
-    cone_angle: float  # the same where one is a cone
-    length: float  # unit frame
+    Surfaces that the images determine well must be close to it; the others may be off by what is not known
+    of them, up to a limit.
 
-    def of(self, tie: Tie, surfaces: Sequence[Surface]) -> float:
-        """The tolerance of one relation."""
-        cone = "cone" in (surfaces[tie.first].kind, surfaces[tie.second].kind)
-        if tie.kind in _IS_ANGLE:
-            return self.cone_angle if cone else self.angle
-        return self.length
+    Attributes:
+        angle: radians; `cone_angle`: the same where one is a cone; `length`: unit frame.
+        most_angle, most_length: limits for surfaces that are hardly determined.
+        trust: formal standard deviations that a relation may be off (formal ones are too small).
+        covariance: (P, P) formal covariance of all surfaces' parameters.
+        start: (S + 1,) first parameter of each surface.
+    """
+
+    angle: float
+    cone_angle: float
+    length: float
+    most_angle: float
+    most_length: float
+    trust: float
+    covariance: Array
+    start: NDArray[np.int64]
+
+    def keeps(self, tie: Tie, surfaces: Sequence[Surface]) -> bool:
+        """Whether a relation is kept."""
+        off = float(np.abs(value(tie, surfaces)).max())
+        cone = any(surfaces[i].kind == "cone" for i in tie.members)
+        angular = tie.kind in _IS_ANGLE
+        least = (self.cone_angle if cone else self.angle) if angular else self.length
+        if off <= least or off > (self.most_angle if angular else self.most_length):
+            return off <= least
+        return off <= self.trust * max(self._deviation(row) for row in tie_rows([tie], surfaces))
+
+    def _deviation(self, row: Row) -> float:
+        """Formal standard deviation of a relation's value."""
+        at = np.concatenate([np.arange(self.start[i], self.start[i + 1]) for i in row[0]])
+        slope = np.concatenate(list(row[0].values()))
+        return float(np.sqrt(max(slope @ self.covariance[np.ix_(at, at)] @ slope, 0.0)))
+
+    def uncertainty(self, index: int) -> float:
+        """For sorting: trace of one surface's covariance."""
+        span = slice(self.start[index], self.start[index + 1])
+        return float(np.trace(self.covariance[span, span]))
 
 
 def value(tie: Tie, surfaces: Sequence[Surface]) -> Array:
     """How far a relation is from being kept (radians or unit frame)."""
-    first = surfaces[tie.first]
-    return _VALUE[tie.kind](first, surfaces[tie.second], np.array(first.frame()[:2]))
+    members = [surfaces[i] for i in tie.members]
+    return _VALUE[tie.kind](members, np.array(members[0].frame()[:2]))
 
 
-def detect(surfaces: Sequence[Surface], used: Sequence[int], tolerances: Tolerances) -> list[Tie]:
+def detect(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolerances) -> list[Tie]:
     """Relations that hold within tolerances: each surface is tied to the first of its class."""
+    used = {f.surface for f in structure.faces if f.surface >= 0}
     ties: list[Tie] = []
 
     def holds(kind: str, first: int, second: int) -> bool:
-        tie = Tie(kind, first, second)
-        return float(np.abs(value(tie, surfaces)).max()) <= tolerances.of(tie, surfaces)
+        return tolerances.keeps(Tie(kind, (first, second)), surfaces)
 
     def classes(members: Sequence[int], kinds: Sequence[str]) -> list[list[int]]:
         groups: list[list[int]] = []
@@ -87,11 +132,13 @@ def detect(surfaces: Sequence[Surface], used: Sequence[int], tolerances: Toleran
                 groups.append([index])
             else:
                 group.append(index)
-                ties.extend(Tie(k, group[0], index) for k in kinds)
+                ties.extend(Tie(k, (group[0], index)) for k in kinds)
         return groups
 
-    directed = [i for i in used if surfaces[i].kind != "sphere"]
-    round_ = [i for i in used if surfaces[i].kind in ("cylinder", "cone", "torus")]
+    # What is known best stands for its class.
+    order = sorted(sorted(used), key=tolerances.uncertainty)
+    directed = [i for i in order if surfaces[i].kind != "sphere"]
+    round_ = [i for i in order if surfaces[i].kind in ("cylinder", "cone", "torus")]
     # Planes and cylinders first: their directions are better known than cones'.
     directed.sort(key=lambda i: ("plane", "cylinder", "torus", "cone").index(surfaces[i].kind))
     round_.sort(key=lambda i: ("cylinder", "torus", "cone").index(surfaces[i].kind))
@@ -99,14 +146,35 @@ def detect(surfaces: Sequence[Surface], used: Sequence[int], tolerances: Toleran
     for number, group in enumerate(directions):
         for other in directions[number + 1 :]:
             if holds("perpendicular", group[0], other[0]):
-                ties.append(Tie("perpendicular", group[0], other[0]))
+                ties.append(Tie("perpendicular", (group[0], other[0])))
         planes = [i for i in group if surfaces[i].kind == "plane"]
         classes(planes, ["coplanar"])
         classes([i for i in round_ if i in group], ["coaxial"])
-    classes([i for i in used if surfaces[i].kind in ("cylinder", "sphere")], ["equal_radius"])
-    classes([i for i in used if surfaces[i].kind == "torus"], ["equal_minor"])
-    classes([i for i in used if surfaces[i].kind == "cone"], ["equal_angle"])
+    classes([i for i in order if surfaces[i].kind in ("cylinder", "sphere")], ["equal_radius"])
+    classes([i for i in order if surfaces[i].kind == "torus"], ["equal_minor"])
+    classes([i for i in order if surfaces[i].kind == "cone"], ["equal_angle"])
+    kept = set(ties)
+    for cone, cap, side in _chamfers(structure, surfaces):
+        square = Tie("perpendicular", (side, cone))
+        if all(t in kept or tolerances.keeps(t, surfaces) for t in (square, Tie("inscribed", (cone, cap, side)))):
+            ties.append(Tie("inscribed", (cone, cap, side)))
     return ties
+
+
+def _chamfers(structure: Structure, surfaces: Sequence[Surface]) -> list[tuple[int, int, int]]:
+    """Cones that meet one plane in a circle and another along their axis: cone, the one, the other."""
+    near: dict[int, set[int]] = {}
+    for edge in structure.edges:
+        for a, b in (edge.surfaces, edge.surfaces[::-1]):
+            if a >= 0 and b >= 0 and surfaces[a].kind == "cone" and surfaces[b].kind == "plane":
+                near.setdefault(a, set()).add(b)
+    found = []
+    for cone, planes in sorted(near.items()):
+        cosine = {p: abs(surfaces[p].axis @ surfaces[cone].axis) for p in planes}
+        caps = [p for p in sorted(planes) if cosine[p] > np.cos(_SQUARE)]
+        sides = [p for p in sorted(planes) if cosine[p] < np.sin(_SQUARE)]
+        found += [(cone, cap, side) for cap in caps for side in sides]
+    return found
 
 
 def tie_rows(ties: Sequence[Tie], surfaces: Sequence[Surface]) -> list[Row]:
@@ -114,17 +182,16 @@ def tie_rows(ties: Sequence[Tie], surfaces: Sequence[Surface]) -> list[Row]:
     rows: list[Row] = []
     for tie in ties:
         start = value(tie, surfaces)
-        frame = np.array(surfaces[tie.first].frame()[:2])
+        members = [surfaces[i] for i in tie.members]
+        frame = np.array(members[0].frame()[:2])
         columns: dict[int, Array] = {}
-        for index in (tie.first, tie.second):
-            surface = surfaces[index]
-            matrix = np.zeros((len(start), COUNT[surface.kind]))
+        for place, index in enumerate(tie.members):
+            matrix = np.zeros((len(start), COUNT[members[place].kind]))
             for k in range(matrix.shape[1]):
                 delta = np.zeros(matrix.shape[1])
                 delta[k] = _DIFFERENCE
-                moved = update(surface, delta)
-                pair = (moved, surfaces[tie.second]) if index == tie.first else (surfaces[tie.first], moved)
-                matrix[:, k] = (_VALUE[tie.kind](*pair, frame) - start) / _DIFFERENCE
+                moved = [*members[:place], update(members[place], delta), *members[place + 1 :]]
+                matrix[:, k] = (_VALUE[tie.kind](moved, frame) - start) / _DIFFERENCE
             columns[index] = matrix
         rows.extend(({i: m[k] for i, m in columns.items()}, float(start[k])) for k in range(len(start)))
     return rows

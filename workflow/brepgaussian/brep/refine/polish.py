@@ -79,7 +79,7 @@ def polish(
         return Polished(shape, structure, surfaces, _nothing(f"not refined: {error}"))
     details["seconds"] = round(time.monotonic() - start, 2)
     if rebuilt is None:
-        details["fault"] = "the refined surfaces gave no solid of the same topology"
+        details["fault"] = "the refined surfaces gave no solid that is as good"
         log.warning(details["fault"])
         return Polished(shape, structure, surfaces, _report(result.before, False, details))
     attempt, verdict = rebuilt
@@ -99,7 +99,7 @@ def polish(
 def _rebuild(
     worker: Worker, job: Job, result: RefineResult, before: Structure, views: Views
 ) -> tuple[Attempt, Acceptance] | None:
-    """The solid of the refined surfaces, if it has the topology of the first and the precision of the mesh."""
+    """The solid of the refined surfaces, if it has the first one's topology, or convinces by the images."""
     arguments = (result.mesh, result.structure, result.surfaces)
     patches = worker.call("refine.polish:make_patches", arguments, job.settings.time_limit_s)
     second = Job(
@@ -118,14 +118,16 @@ def _rebuild(
             continue
         if attempt.shape is None or attempt.verdict.structure is None:
             continue
-        if topology(attempt.verdict.structure, attempt.surfaces) != topology(before, result.surfaces):
-            continue
         mesh = worker.call("refine.mesh:from_bytes", (attempt.shape,), job.settings.time_limit_s)
         poses = result.poses if result.poses.any() else None
         verdict = acceptance(
             mesh, attempt.verdict.structure, attempt.surfaces, views, job.settings, poses=poses, tone=result.tone
         )
-        if _as_good(verdict, result.acceptance):
+        same = topology(attempt.verdict.structure, attempt.surfaces) == topology(before, result.surfaces)
+        if same and _as_good(verdict, result.acceptance):
+            return attempt, verdict
+        # Faces that touch in a point may join or part. The images decide.
+        if verdict.accepted and not result.before.accepted:
             return attempt, verdict
     return None
 

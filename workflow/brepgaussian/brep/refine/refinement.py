@@ -14,7 +14,7 @@ from brepgaussian.brep.refine.constraints import Row, Tie, Tolerances, detect, t
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.parameters import recentre
-from brepgaussian.brep.refine.solve import TONES, Prior, State, residuals, step
+from brepgaussian.brep.refine.solve import TONES, Prior, State, Step, residuals, step
 from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, masks_iou
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
@@ -30,7 +30,9 @@ _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
 # Regularities of the refined surfaces: the images tell directions and lengths at least this well.
-SNAP = Tolerances(angle=np.radians(0.05), cone_angle=np.radians(0.1), length=2e-4)
+_SNAP = {"angle": np.radians(0.05), "cone_angle": np.radians(0.1), "length": 2e-4}
+# Those of surfaces that the images hardly determine, as far as `trust` formal standard deviations allow.
+_LOOSE = {"most_angle": np.radians(1.5), "most_length": 2e-3, "trust": 10.0}
 
 
 @dataclass(frozen=True)
@@ -117,15 +119,16 @@ def refine(
     state = State(anchored, np.zeros(TONES), np.zeros((len(views.cameras), 3)))
     start = _Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
     before = start.test(settings)
-    run = _descend(start, [], _WINDOWS, False)
+    run, last = _descend(start, [], _WINDOWS, False)
     freed = False
     if settings.refine_poses and _typical(run) > _POSE_PX:
-        other = _descend(run, [], _WINDOWS[1:], True)
+        other, other_last = _descend(run, [], _WINDOWS[1:], True)
         if _typical(other) < _POSE_GAIN * _typical(run):
-            run, freed = other, True
-    used = sorted({f.surface for f in structure.faces if f.surface >= 0})
-    ties = detect(run.state.surfaces, used, SNAP)
-    run = _descend(run, ties, _WINDOWS[-1:], freed)
+            run, last, freed = other, other_last, True
+    ties = detect(
+        run.structure, run.state.surfaces, Tolerances(**_SNAP, **_LOOSE, covariance=last.covariance, start=last.start)
+    )
+    run, _ = _descend(run, ties, _WINDOWS[-1:], freed)
     after = run.test(settings)
     kept = not _worse(after, before)
     result, verdict = (run, after) if kept else (start, before)
@@ -136,7 +139,7 @@ def refine(
         "mask_iou_before": before.mask_iou,
         "tone_px": [float(t) for t in result.state.tone],
         "poses_freed": freed and kept,
-        "relations": [[t.kind, t.first, t.second] for t in ties],
+        "relations": [[t.kind, *t.members] for t in ties],
         "largest_move": _largest_move(start.mesh, result.mesh),
         "image_noise": start.images.noise,
         "edges": verdict.edges,
@@ -157,7 +160,9 @@ def refine(
     )
 
 
-def _descend(run: _Run, ties: Sequence[Tie], windows: Sequence[tuple[float, float]], free_poses: bool) -> _Run:
+def _descend(
+    run: _Run, ties: Sequence[Tie], windows: Sequence[tuple[float, float]], free_poses: bool
+) -> tuple[_Run, Step]:
     """Iterate over the search windows, the last one until the step is small."""
     schedule = [*windows, *([windows[-1]] * _MOST_LAST)]
     for number, (window, interior) in enumerate(schedule):
@@ -167,7 +172,7 @@ def _descend(run: _Run, ties: Sequence[Tie], windows: Sequence[tuple[float, floa
         run = run.moved(result.state)
         if number >= len(windows) and result.largest < _SETTLED:
             break
-    return run
+    return run, result
 
 
 def _typical(run: _Run) -> float:

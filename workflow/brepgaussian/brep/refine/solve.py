@@ -60,10 +60,14 @@ class Step:
     Attributes:
         state: the new state.
         largest: largest parameter step over its prior sigma.
+        covariance: (P, P) formal covariance of the surfaces' parameters.
+        start: (S + 1,) first parameter of each surface.
     """
 
     state: State
     largest: float
+    covariance: Array
+    start: NDArray[np.int64]
 
 
 def residuals(seen: Seen, found: Found, tone: Array) -> Array:
@@ -108,7 +112,12 @@ def step(
     poses = state.poses + (delta[pose_at:].reshape(-1, 3) if free_poses else 0.0)
     scale = np.concatenate([prior_sigmas(s.kind, prior.angle, prior.length) for s in state.surfaces])
     largest = float(np.abs(delta[: start[-1]] / scale).max(initial=0.0))
-    return Step(State(surfaces, state.tone + delta[tone_at:pose_at], poses), largest)
+    return Step(
+        State(surfaces, state.tone + delta[tone_at:pose_at], poses),
+        largest,
+        np.asarray(np.linalg.inv(matrix)[: start[-1], : start[-1]], np.float64),
+        start,
+    )
 
 
 def _sigmas(seen: Seen, found: Found, structure: Structure) -> Array:
