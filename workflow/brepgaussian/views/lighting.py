@@ -25,12 +25,14 @@ LAMPS = (
     ((2.6, -2.6, 2.6), 0.320),
     ((3.18, 3.18, 0.0), 0.085),
 )
-SHOULDER = 0.9  # linear radiance above which highlights are compressed instead of clipped
+SHOULDER = (
+    0.7  # linear radiance above which highlights are compressed: no outer face of the published object is so bright
+)
 _CENTER = np.full(3, 0.5)
 _GATHER_RAYS = 256  # per node: a step of visibility is then less than a grey level
 _INSET = 0.05  # of the way to the neighbouring triangles: nodes on an edge must not lie in the other wall
 _LIFT = 1e-4  # unit frame; rays start above the surface
-_BOUNCES = 12  # .8 to the 12th is 7 %, of what is already a small remainder outside deep holes
+_BOUNCES = 4  # of diffuse light, the default of Blender's Cycles
 
 
 def direct(points: Array, normals: Array) -> Array:
@@ -48,8 +50,8 @@ def direct(points: Array, normals: Array) -> Array:
 def display(radiance: Array) -> Array:
     """Grey levels 0..255 (not rounded) of linear radiance: soft highlights, then the sRGB curve."""
     room = 1 - SHOULDER
-    soft = np.where(radiance > SHOULDER, SHOULDER + room * (1 - np.exp((SHOULDER - radiance) / room)), radiance)
-    soft = np.clip(soft, 0, 1)
+    excess = np.maximum(radiance - SHOULDER, 0) / room
+    soft = np.maximum(np.minimum(radiance, SHOULDER) + room * excess / (1 + excess), 0)
     return 255 * np.where(soft <= 0.0031308, 12.92 * soft, 1.055 * soft ** (1 / 2.4) - 0.055)
 
 
@@ -80,7 +82,7 @@ def bounce(target: FaceMesh, coarse: FaceMesh, strength: float, threads: int) ->
     gather = _gather_matrix(coarse, points, normals, nodes, threads)
     emitted = direct(points, normals)
     radiosity = emitted
-    for _ in range(_BOUNCES):
+    for _ in range(_BOUNCES - 1):  # gathering for the target is the last
         radiosity = emitted + strength * (gather @ radiosity)
     return Bounce(_transfer(target, coarse, (strength * (gather @ radiosity))[nodes]))
 
