@@ -9,18 +9,21 @@ from numpy.typing import NDArray
 from skimage.filters import apply_hysteresis_threshold
 
 from brepgaussian.errors import InputError, ToolError
-from brepgaussian.masks.steps import DIRECTIONS, Crop, step_strength, without_shading
+from brepgaussian.masks.steps import DIRECTIONS, OPAQUE, Crop, noise_map, step_strength, without_shading
 
 _WEAK = 0.5  # edges that start above the threshold are followed down to this share of it
 _NOISE_FACTOR = 4.0  # the strongest of 8 noisy half-disk steps stays below so many of their standard errors
-_MAX_OFFSET_PX = 4  # shipped edge maps are shifted by less
-_STRONG = 128  # of a shipped edge map, when its offset is measured
+_PROFILE_PX = 6.0  # half the length of the profiles across the silhouette on which the offset is measured
+_PROFILE_STEP_PX = 0.5
+_PROFILE_MASS = 100.0  # grey levels x px that a line has at least
+_OFFSET_ROUNDS = 10  # of reweighting
+_OFFSET_SCALE_PX = 0.3  # profiles farther off than that count less
 
 
-def edge_threshold(noise: float, radius: int, step: float) -> float:
-    """Step strength from which a pixel is an edge: the noise-free threshold, or what noise alone never reaches."""
+def edge_threshold(crop: Crop, radius: int, step: float) -> NDArray[np.float32]:
+    """(h, w) step strength from which a pixel is an edge: the noise-free threshold, or what noise hardly reaches."""
     pixels = 0.5 * np.pi * radius**2
-    return max(step, _NOISE_FACTOR * noise * float(np.sqrt(2 / pixels)))
+    return np.maximum(step, _NOISE_FACTOR * noise_map(crop) * np.float32(np.sqrt(2 / pixels)))
 
 
 def suppress(strength: NDArray[np.float32], direction: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -50,9 +53,9 @@ def classical_edges(crop: Crop, radius: int, step: float, width: int) -> NDArray
     """
     strength, direction = step_strength(crop.grey, crop.inside, radius)
     strength = without_shading(strength, radius)
-    threshold = edge_threshold(crop.noise, radius, step)
+    threshold = edge_threshold(crop, radius, step)
     peaks = suppress(strength, direction)
-    kept = apply_hysteresis_threshold(peaks, _WEAK * threshold, threshold)
+    kept = apply_hysteresis_threshold(peaks / threshold, _WEAK, 1.0)
     probability = np.where(kept, np.maximum(strength / (strength + threshold), 0.51), 0.0)
     probability[silhouette_border(crop.inside)] = 1.0
     return widen(np.rint(255 * probability).astype(np.uint8), width)
@@ -79,41 +82,49 @@ def widen(edge: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.dilate(edge, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))), np.uint8)
 
 
-def measure_offset(edge_maps: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> tuple[int, int]:
-    """Shift in whole pixels (x, y) of shipped edge maps against the silhouettes, the same for all views.
+def measure_offset(edge_maps: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> tuple[float, float]:
+    """Shift (x, y) in pixels of shipped edge maps against the silhouettes, the same for all views.
+
+    Each profile across a silhouette gives the shift along its normal (the line's centre of mass); all of them together
+    give the shift, robustly, beside a common distance of the lines to the outside.
 
     Args:
         edge_maps: (V, H, W) uint8.
         alpha: (V, H, W) uint8 silhouettes.
-
-    Returns:
-        The shift whose reversal brings most edge strength onto the silhouettes' borders.
     """
-    contour = np.stack([silhouette_border(a >= _STRONG) for a in alpha]).astype(np.float32)
-    # an outline two pixels wide, centred on the crack between object and background
-    outside = np.stack([_outer_border(a >= _STRONG) for a in alpha]).astype(np.float32)
-    line = contour + outside
-    best, offset = -1.0, (0, 0)
-    for dy in range(-_MAX_OFFSET_PX, _MAX_OFFSET_PX + 1):
-        for dx in range(-_MAX_OFFSET_PX, _MAX_OFFSET_PX + 1):
-            score = float((shift(edge_maps, -dx, -dy).astype(np.float32) * line).sum())
-            if score > best:
-                best, offset = score, (dx, dy)
-    return offset
+    normals, offsets = [np.zeros((0, 2))], [np.zeros(0)]
+    along = np.arange(-_PROFILE_PX, _PROFILE_PX + 1e-9, _PROFILE_STEP_PX)
+    for edge, cover in zip(edge_maps, alpha, strict=True):
+        soft = cv2.GaussianBlur(cover.astype(np.float32), (0, 0), 1.5)
+        y, x = np.nonzero(silhouette_border(cover >= OPAQUE))
+        normal = -np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0)[y, x], cv2.Sobel(soft, cv2.CV_32F, 0, 1)[y, x]], 1)
+        length = np.linalg.norm(normal, axis=1)
+        normal = normal / np.maximum(length, 1e-6)[:, None]
+        position = np.stack([x, y], 1)[:, None] + normal[:, None] * (0.5 + along)[None, :, None]
+        maps = position.astype(np.float32)
+        profile = cv2.remap(edge.astype(np.float32), maps[..., 0], maps[..., 1], cv2.INTER_LINEAR)
+        mass = profile.sum(1)
+        good = (mass * _PROFILE_STEP_PX > _PROFILE_MASS) & (length > 0)
+        normals.append(normal[good])
+        offsets.append((profile @ along)[good] / mass[good])
+    normal, offset = np.concatenate(normals), np.concatenate(offsets)
+    design = np.column_stack([normal, np.ones(len(normal))])
+    if len(offset) < design.shape[1]:
+        return 0.0, 0.0
+    weight: NDArray[np.float64] = np.ones(len(offset))
+    shift_by = np.zeros(3)
+    for _ in range(_OFFSET_ROUNDS):
+        root = np.sqrt(weight)
+        shift_by = np.linalg.lstsq(design * root[:, None], offset * root, rcond=None)[0]
+        weight = 1 / np.maximum(1, np.abs(offset - design @ shift_by) / _OFFSET_SCALE_PX)
+    return float(shift_by[0]), float(shift_by[1])
 
 
-def _outer_border(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    return silhouette_border(~inside)
-
-
-def shift(images: NDArray[np.uint8], dx: int, dy: int) -> NDArray[np.uint8]:
-    """Move (V, H, W) images by whole pixels; what enters is 0."""
-    moved = np.zeros_like(images)
+def shift(images: NDArray[np.uint8], dx: float, dy: float) -> NDArray[np.uint8]:
+    """Move (V, H, W) images by (dx, dy) pixels, bilinear; what enters is 0."""
     height, width = images.shape[1:]
-    rows, columns = slice(max(dy, 0), height + min(dy, 0)), slice(max(dx, 0), width + min(dx, 0))
-    from_rows, from_columns = slice(max(-dy, 0), height + min(-dy, 0)), slice(max(-dx, 0), width + min(-dx, 0))
-    moved[:, rows, columns] = images[:, from_rows, from_columns]
-    return moved
+    move = np.array([[1, 0, dx], [0, 1, dy]], np.float64)
+    return np.stack([np.asarray(cv2.warpAffine(image, move, (width, height)), np.uint8) for image in images])
 
 
 def load_network(path: str) -> Any:

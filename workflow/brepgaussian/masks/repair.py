@@ -118,7 +118,7 @@ def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArra
     if not raw.any():
         return np.zeros(cut.inside.shape, np.int16)
     margin = _MARGIN_PX + _MARGIN_SPACINGS * spacing_px
-    markers, depth = eroded_markers(raw, margin)
+    markers, depth = eroded_markers(without_specks(raw, pixel, samples.label[seen]), margin)
     strength = without_shading(step_strength(cut.grey, cut.inside, _RADIUS_PX)[0], _RADIUS_PX)
     prior = max(_PRIOR_STEP, _PRIOR_NOISE * cut.noise)
     surface = strength + prior * np.clip(1 - depth / margin, 0, 1)
@@ -219,11 +219,26 @@ def _vote(place: NDArray[np.float64], label: NDArray[np.int64], target: NDArray[
     return np.asarray(voted[np.arange(len(target)), votes.argmax(1)])
 
 
+def without_specks(raw: NDArray[np.int32], pixel: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Open (-1) the regions that fewer than `_MINIMUM_SAMPLES` samples of their own label lie in.
+
+    Args:
+        raw: (h, w) int32 label + 1, 0 = off the object.
+        pixel: (M, 2) positions of the visible samples; `label`: (M,) their labels.
+    """
+    components, count = _components(raw)
+    row, column = pixel[:, 1].astype(int), pixel[:, 0].astype(int)
+    own = raw[row, column] == label + 1
+    support = np.bincount(components[row[own], column[own]], minlength=count + 1)
+    support[0] = _MINIMUM_SAMPLES
+    return np.where(support[components] >= _MINIMUM_SAMPLES, raw, -1).astype(np.int32)
+
+
 def eroded_markers(raw: NDArray[np.int32], margin: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Shrink every region from its borders with other regions, thin regions less than wide ones.
 
     Args:
-        raw: (h, w) int32 labels, 0 = off the object (the silhouette is certain: no erosion from there).
+        raw: (h, w) int32 labels, -1 = open, 0 = off the object (the silhouette is certain: no erosion from there).
         margin: px.
 
     Returns:
@@ -240,7 +255,7 @@ def eroded_markers(raw: NDArray[np.int32], margin: float) -> tuple[NDArray[np.in
             border[:, :-1] |= differ
             border[:, 1:] |= differ
     if not border.any():
-        return raw.copy(), np.full(raw.shape, margin, np.float32)
+        return np.maximum(raw, 0), np.full(raw.shape, margin, np.float32)
     depth = np.asarray(cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
     components, count = _components(raw)
     deepest = np.zeros(count + 1, np.float32)

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 DIRECTIONS = 8  # orientations of the line that divides the disk, over 180 degrees
-_OPAQUE = 128  # alpha from which a pixel centre counts as covered
+OPAQUE = 128  # alpha from which a pixel centre counts as covered
 _MARGIN = 4  # px kept around the silhouette, so that its border has an outside
 _MIN_SHARE = 0.35  # a half-disk needs this share of its pixels on the object
 _QUANTISATION = 12**-0.5  # standard deviation of rounding to whole grey levels
 _MAD_TO_SIGMA = 1.4826
+_QUARTILE, _QUARTILE_OF_NORMAL = 0.75, 1.1503  # of |x| for a standard normal x
+_RINGING_PX = (2.0, 8.0)  # depths inside the silhouette where JPEG's blocks of 8 x 8 ring
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ def crop(luminance: NDArray[np.float32], alpha: NDArray[np.uint8]) -> Crop | Non
         luminance: (H, W) grey levels 0..255, straight (not premultiplied).
         alpha: (H, W) silhouette.
     """
-    inside = alpha >= _OPAQUE
+    inside = alpha >= OPAQUE
     if not inside.any():
         return None
     rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
@@ -74,13 +76,28 @@ def estimate_noise(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> floa
     The median response to a mask that cancels planes of luminance and their products (Immerkaer, 1996),
     so edges and shading hardly count. At least the noise of rounding to whole levels.
     """
-    mask = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32)
-    response = np.abs(cv2.filter2D(grey, cv2.CV_32F, mask))
     core = cv2.erode(inside.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
     if not core.any():
         return _QUANTISATION
-    sigma = _MAD_TO_SIGMA * float(np.median(response[core])) / float(np.linalg.norm(mask))
-    return max(sigma, _QUANTISATION)
+    return max(_MAD_TO_SIGMA * float(np.median(_high_pass(grey)[core])), _QUANTISATION)
+
+
+def noise_map(crop: Crop) -> NDArray[np.float32]:
+    """(h, w) standard deviation of the noise per pixel: compression makes more of it beside the silhouette.
+
+    Lossy compression (JPEG) rings in the blocks that hold a strong edge, above all object against background.
+    """
+    depth = np.asarray(cv2.distanceTransform(crop.inside.astype(np.uint8), cv2.DIST_L2, 5))
+    band = (depth > _RINGING_PX[0]) & (depth <= _RINGING_PX[1])
+    near = float(np.quantile(_high_pass(crop.grey)[band], _QUARTILE)) if band.any() else 0.0
+    near = max(near / _QUARTILE_OF_NORMAL, crop.noise)
+    return np.where(depth <= _RINGING_PX[1], near, crop.noise).astype(np.float32)
+
+
+def _high_pass(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Absolute response to a mask of unit norm that cancels planes of luminance and their products."""
+    mask = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32) / 6
+    return np.asarray(np.abs(cv2.filter2D(grey, cv2.CV_32F, mask)), np.float32)
 
 
 @cache
