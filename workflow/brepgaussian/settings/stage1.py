@@ -44,3 +44,17 @@ class Stage1Settings:
     shared_moment: bool = setting(
         True, "One second moment for all surfels: they move in proportion to their gradients (Adam: one each)."
     )
+    settle_sweeps: int = setting(10, "Sweeps of the smooth-surface prior before training.", minimum=0)
+    settle_every: int = setting(50, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
+    settle_below: float = setting(
+        0.9,
+        "Weight of neighbours below the fitted surface, hulls being too large (0.5: symmetric).",
+        minimum=0.5,
+        maximum=1.0,
+    )
+    settle_color: float = setting(
+        0.01, "Colour step (of 1) at which neighbours no longer belong together.", minimum=0.0
+    )
+    settle_angle_deg: float = setting(
+        15.0, "Angle at which neighbours no longer belong together.", unit="deg", minimum=0.1
+    )

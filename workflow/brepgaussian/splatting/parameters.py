@@ -57,6 +57,11 @@ class Parameters:
                 threads,
             )
 
+    def replace(self, name: str, value: Floats) -> None:
+        """Set natural values of one group; its moments stay."""
+        getattr(self.cloud, name)[:] = value
+        self.raw[name][:] = to_raw(name, value)
+
     def select(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> "Parameters":
         """Keep (or repeat) rows, with their moments."""
         cloud = Cloud(*(np.ascontiguousarray(a[rows]) for a in self.cloud.arrays()))
@@ -96,3 +101,23 @@ def quaternions_of(normals: NDArray[np.floating]) -> Floats:
     down = w < 1e-6  # opposite to z: half a turn about x
     q[down] = (0, 1, 0, 0)
     return (q / np.linalg.norm(q, axis=1, keepdims=True)).astype(np.float32)
+
+
+def turned(quaternions: Floats, before: Floats, after: Floats) -> Floats:
+    """Turn surfels by the smallest rotation that takes unit normals (N, 3) `before` to `after`."""
+    w = 1 + (before * after).sum(axis=1)
+    axis = np.cross(before, after)
+    opposite = w < 1e-6  # no smallest rotation: left as it is
+    q = np.column_stack([w, axis])
+    q[opposite] = (1, 0, 0, 0)
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    aw, ax, ay, az = q.T
+    bw, bx, by, bz = quaternions.T
+    product = [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
+    result = np.column_stack(product)
+    return (result / np.linalg.norm(result, axis=1, keepdims=True)).astype(np.float32)

@@ -17,7 +17,8 @@ from brepgaussian.splatting.camera import RenderOptions
 from brepgaussian.splatting.engine import LossWeights, average_targets, training_step
 from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.library import Cloud, Raster
-from brepgaussian.splatting.parameters import Parameters, quaternions_of
+from brepgaussian.splatting.parameters import Parameters, quaternions_of, turned
+from brepgaussian.splatting.settle import settle
 from brepgaussian.splatting.targets import Target, is_grey, make_targets
 
 START_OPACITY = 0.9
@@ -113,8 +114,8 @@ def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Sett
         distortion=settings.distortion_weight,
     )
     averages, _ = average_targets(parameters.cloud, targets, options)
-    parameters.cloud.channels[:] = averages
-    parameters.raw["channels"][:] = averages
+    parameters.replace("channels", averages)
+    settle_all(parameters, settings, settings.settle_sweeps)
     order: list[int] = []
     for iteration in progress(range(settings.iterations), "stage1"):
         if not order:
@@ -134,4 +135,24 @@ def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Sett
             shared=settings.shared_moment,
         )
         losses.append(step.loss)
+        if settings.settle_every and (iteration + 1) % settings.settle_every == 0:
+            settle_all(parameters, settings, 1)
     return losses
+
+
+def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int) -> None:
+    """Apply the prior for machined parts to all surfels, in place."""
+    if sweeps == 0:
+        return
+    cloud, before = parameters.cloud, parameters.surfels().normals
+    centers, normals = settle(
+        cloud.centers,
+        before,
+        cloud.channels[:, :-1],
+        sweeps=sweeps,
+        below=settings.settle_below,
+        color_scale=settings.settle_color,
+        angle_scale_deg=settings.settle_angle_deg,
+    )
+    parameters.replace("centers", centers)
+    parameters.replace("quaternions", turned(cloud.quaternions, before, normals))
