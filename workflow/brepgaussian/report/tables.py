@@ -1,6 +1,7 @@
 """The paper's tables from `metrics.csv`, with the paper's own numbers and stricter columns beside them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,12 @@ def _segmentation(kind: str) -> dict[str, Column]:
         title = " ".join(words).replace("f1", "F1") + f" .{tau[1:]}"
         columns[f"{kind}_{name}"] = Column(title, f"{kind}_{name}", title.replace("F1", "F$_1$"))
     return columns
+
+
+def _named(kind: str, score: str) -> Column:
+    """A score's column where patches and edges stand in one table."""
+    column = _segmentation(kind)[f"{kind}_{score}"]
+    return replace(column, name=f"{kind} {column.name}", latex=f"{kind} {column.latex}")
 
 
 def _cad() -> dict[str, Column]:
@@ -261,7 +268,7 @@ def readme_table(rows: Sequence[Row], groups: Mapping[str, str]) -> str:
     full = of_variant(rows, FULL)
     names = "closed topology_match patch_f1_008 patch_strict_f1_002 edge_strict_f1_002".split()
     names += "surface_cd_exact volume_iou seconds".split()
-    columns: dict[str, Any] = {**_segmentation("patch"), **_segmentation("edge"), **_cad(), **_solids()}
+    columns: dict[str, Any] = {**_cad(), **_solids(), **_PER_OBJECT}
     lines = []
     for group, members in by_group(full, groups).items():
         averages = [average(members, name) for name in names]
