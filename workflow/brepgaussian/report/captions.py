@@ -7,8 +7,8 @@ OURS = (
 )
 DISTANCES = (
     "Lengths in the unit frame. D_c: Chamfer distance between 20,000 samples of result and truth, sum and average of "
-    "the two directed means (the paper does not say which; sampling alone gives a sum of sqrt(area / 20,000), about 1e-2); "
-    "exact: average point-to-triangle distance, floor 0. D_h: Hausdorff distance; 99 %: its 99 % quantile."
+    "the two directed means (the paper does not say which; sampling alone gives a sum of sqrt(area / 20,000), about "
+    "1e-2); exact: average point-to-triangle distance, floor 0. D_h: Hausdorff distance; 99 %: its 99 % quantile."
 )
 SOLIDS = (
     "Solids, shares of objects. Valid: BRepCheck finds no fault; closed: no free edge; topology: equal number of faces "

@@ -198,7 +198,7 @@ def views_table(rows: Sequence[Row]) -> Table | None:
         return None
     shared = common_objects(rows, variants)
     names = ("patch_f1_008", "patch_strict_f1_002", "surface_cd_exact", "topology_match", "closed", "volume_iou")
-    columns = {**_segmentation("patch"), **_cad(), **_solids()}
+    columns = {**_cad(), **_solids(), **_PER_OBJECT}
     lines: list[tuple[Any, ...]] = []
     for variant in variants:
         members = of_variant(shared, variant)
@@ -218,12 +218,9 @@ def views_table(rows: Sequence[Row]) -> Table | None:
 _PER_OBJECT = {
     "faces": Column("faces", "faces", "faces", digits=0),
     "faces_truth": Column("true", "faces_truth", "true", digits=0),
-    **{
-        name: column
-        for name, column in _segmentation("patch").items()
-        if name in ("patch_f1_008", "patch_strict_f1_002")
-    },
-    **{name: column for name, column in _segmentation("edge").items() if name == "edge_strict_f1_002"},
+    "patch_f1_008": _named("patch", "f1_008"),
+    "patch_strict_f1_002": _named("patch", "strict_f1_002"),
+    "edge_strict_f1_002": _named("edge", "strict_f1_002"),
     "surface_cd_exact": _distance("surface", "cd_exact", "D_c exact", 1e-2),
     "volume_iou": Column("volume IoU", "volume_iou", "volume IoU", digits=4),
     "seconds": Column("s", "seconds", "s", digits=0),
