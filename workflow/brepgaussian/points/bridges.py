@@ -18,6 +18,7 @@ _CELLS = 4.0  # test points per spacing
 _AROUND = 3.0  # spacings beside the gap that a path may use
 _SIDE = 5.0  # spacings around the gap in which nodes tell on which side of a neighbour the patch lies
 _LEAST_SIDE = 3  # nodes
+_ONE_SIDED = 0.8  # mean sign of the nodes' distances beyond which they all lie on one side
 
 
 def joined(
@@ -45,12 +46,12 @@ def joined(
     for k in np.unique(labels[near & (labels >= 0) & ~own]):
         side = surfaces[k].signed_distance(xyz[own])
         clear = side[np.abs(side) > margin]
-        if len(clear) < _LEAST_SIDE or len(surfaces) <= k:
-            continue
-        sign = np.sign(np.median(clear))
-        if (np.sign(clear) == sign).mean() < 0.9:
-            continue  # the patch passes on both sides: this neighbour ends elsewhere
-        free &= sign * surfaces[k].signed_distance(grid) > margin
+        value = surfaces[k].signed_distance(grid)
+        if len(clear) >= _LEAST_SIDE and abs(np.sign(clear).mean()) > _ONE_SIDED:
+            free &= np.sign(np.median(clear)) * value > margin
+        else:  # pieces on both sides: the neighbour is a wall between them as far as it reaches
+            close = cKDTree(xyz[labels == k]).query(grid)[0] < _SIDE / 2 * spacing
+            free &= ~(close & (np.abs(value) < max(margin, spacing / _CELLS)))
     if not free.any():
         return False
     path = grid[free]

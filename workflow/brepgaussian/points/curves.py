@@ -142,8 +142,8 @@ def _pieces(
     shift = int(np.flatnonzero(~bridged)[0]) if closed else 0
     order = np.roll(np.arange(count), -shift)
     flags = bridged[order]
-    runs = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]]))).reshape(-1, 2)
-    return [(path[order[first:last]], False) for first, last in runs]
+    spans = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]]))).reshape(-1, 2)
+    return [(path[order[first:last]], False) for first, last in spans.tolist()]
 
 
 def _crossed(

@@ -80,8 +80,8 @@ def neighbour_pairs(xyz: Array, normals: Array, k: int) -> tuple[Index, Array]:
     lower, upper = np.minimum(i, j), np.maximum(i, j)
     _, first = np.unique(lower * len(xyz) + upper, return_index=True)
     pairs, d = np.column_stack([lower, upper])[first], d[first]
-    reach = 3.0 * np.median(d)  # a stray point far from all is no neighbour
-    keep = (np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) > -0.3) & (d < reach)
+    reach = 3.0 * float(np.median(d))  # a stray point far from all is no neighbour
+    keep = (np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) > -0.3) & (d <= reach)
     keep &= pairs[:, 0] != pairs[:, 1]
     return pairs[keep], d[keep]
 

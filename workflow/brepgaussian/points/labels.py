@@ -68,20 +68,23 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed:
     labels = contract(graph.pairs[inner], affinity(nodes, graph)[inner], nodes.normals, float(_BEND))
     labels = _drop_small(np.where(nodes.core, labels, -1), 3)
     log.info("superpoints: %d, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
+    if labels.max(initial=-1) < 0:  # too few nodes for parts: one patch per connected piece, or one at all
+        labels = _drop_small(components(graph.pairs, np.zeros(len(nodes.xyz), np.int64)), 3)
     if labels.max(initial=-1) < 0:
-        labels = components(graph.pairs, np.zeros(len(nodes.xyz), np.int64))
+        labels = np.zeros(len(nodes.xyz), np.int64)
     noise = surface_noise(nodes, labels, noise, seed)
     labels = Merger(nodes, graph, labels, noise, seed).run()
     noise = surface_noise(nodes, labels, noise, seed)
     log.info("merged: %d parts, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
     models = Models(np.zeros(0, "<U8"), np.zeros((0, 10)), np.zeros(0))
     for turn in range(3):
-        labels = _drop_small(labels, smallest) if _drop_small(labels, smallest).max() >= 0 else labels
+        large = _drop_small(labels, smallest)
+        labels = large if large.max() >= 0 else labels
         labels = Merger(nodes, _bridged(nodes, graph, labels, spacing), labels, noise, seed).run()
         models = refit(nodes, labels, noise, seed)
         labels = cut(nodes, graph, labels, models, noise, spacing)
         labels = compact(components(graph.pairs, labels))
-        labels = _absorb(nodes, graph, labels, smallest)
+        labels = absorb(graph, labels, smallest)
         if turn < 2:
             labels = Merger(nodes, graph, labels, noise, seed).run()
         log.info("cut %d: %d labels", turn, labels.max() + 1)
@@ -285,7 +288,7 @@ def _drop_small(labels: Index, smallest: int) -> Index:
     return compact(np.where((labels >= 0) & (sizes[np.maximum(labels, 0)] >= smallest), labels, -1))
 
 
-def _absorb(nodes: Nodes, graph: Graph, labels: Index, smallest: int) -> Index:
+def absorb(graph: Graph, labels: Index, smallest: int) -> Index:
     """Nodes of parts that are too small go to the neighbouring part that most of their links lead to."""
     kept = _drop_small(labels, smallest)
     if kept.max() < 0:

@@ -185,7 +185,8 @@ class Merger:
         # square roots: a large part leads without silencing the small one
         w_a = one[3] * np.sqrt(size_a) / np.maximum(one[3].sum(1, keepdims=True), 1e-9)
         w_b = two[3] * np.sqrt(size_b) / np.maximum(two[3].sum(1, keepdims=True), 1e-9)
-        joint = Sets(*(np.concatenate([one[f], two[f]], 1) for f in range(3)), np.concatenate([w_a, w_b], 1))
+        points, normals, gradients = (np.concatenate([one[f], two[f]], 1) for f in range(3))
+        joint = Sets(points, normals, gradients, np.concatenate([w_a, w_b], 1))
         pairs = [self.pairs[k] for k in keys]
         allowed = tolerance(
             np.array([p.same for p in pairs]), np.array([p.both for p in pairs]), np.array([p.extra for p in pairs])

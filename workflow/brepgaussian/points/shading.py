@@ -71,7 +71,7 @@ def gradients(xyz: Array, normals: Array, grey: Array, pairs: NDArray[np.int64],
     a, b = (step * u[one]).sum(1), (step * v[one]).sum(1)
 
     def total(values: Array) -> Array:
-        return np.bincount(one, w * values, minlength=count)
+        return np.bincount(one, w * values, minlength=count).astype(np.float64)
 
     aa, ab, bb, ar, br = total(a * a), total(a * b), total(b * b), total(a * rise), total(b * rise)
     ridge = 1e-2 * (aa + bb)
@@ -79,9 +79,9 @@ def gradients(xyz: Array, normals: Array, grey: Array, pairs: NDArray[np.int64],
     det = aa * bb - ab**2
     enough = (total(np.ones_like(a)) >= 3) & (det > 0.05 * (aa + bb) ** 2 / 4)
     det = np.where(enough, det, 1)
-    slope = ((bb * ar - ab * br) / det)[:, None] * u + ((aa * br - ab * ar) / det)[:, None] * v
+    slope: Array = ((bb * ar - ab * br) / det)[:, None] * u + ((aa * br - ab * ar) / det)[:, None] * v
     slope[~enough] = np.nan
-    return slope
+    return np.asarray(slope, np.float64)
 
 
 def predicted_gradients(shading: Shading, normal_at, points: Array, normals: Array) -> Array:  # type: ignore[no-untyped-def]

@@ -18,6 +18,7 @@ from brepgaussian.log import get_logger
 from brepgaussian.points import batchfit
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples, densify
+from brepgaussian.points.features import label_by_features
 from brepgaussian.points.graph import Graph, Index, neighbour_pairs, spacing_of, thin
 from brepgaussian.points.labels import Labelling, label_nodes
 from brepgaussian.points.merge import Nodes
@@ -84,7 +85,12 @@ def make_points(
     shared = np.where(both >= _LEAST_VIEWS, same / np.maximum(both, 1), 0.0)
     slopes = gradients(xyz, normals, seen.grey, pairs, np.where(shared > _SAME_REGION, shared, 0.0))
     nodes = Nodes(xyz, normals, seen.trust, core(seen, pairs, shared > _SAME_REGION), seen.grey, slopes)
-    result = label_nodes(nodes, graph, node_spacing, settings.smallest_patch, settings.seed)
+    if settings.labels == "features":
+        result = label_by_features(
+            nodes, graph, stage2.features[owner], settings.features_distance, settings.smallest_patch, settings.seed
+        )
+    else:
+        result = label_nodes(nodes, graph, node_spacing, settings.smallest_patch, settings.seed)
     label = spread(samples, xyz, result, node_spacing)
     surfaces = [
         surface_from_row(str(kind), row) for kind, row in zip(result.models.kinds, result.models.rows, strict=True)
@@ -116,7 +122,7 @@ def _features(features: NDArray[np.float32], owner: Index, pairs: Index) -> Arra
     f = features[owner].astype(np.float64)
     f /= np.maximum(np.linalg.norm(f, axis=1, keepdims=True), 1e-9)
     cosine = np.einsum("ij,ij->i", f[pairs[:, 0]], f[pairs[:, 1]])
-    return np.clip((cosine - 0.7) / 0.3, -1, 1) if np.median(cosine) > 0.7 else np.zeros(len(pairs))
+    return np.clip((cosine - 0.7) / 0.3, -1, 1) if len(pairs) and np.median(cosine) > 0.7 else np.zeros(len(pairs))
 
 
 def _faces(face: NDArray[np.int32], pairs: Index) -> Array:

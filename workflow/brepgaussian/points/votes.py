@@ -108,7 +108,9 @@ def visible(cameras: Cameras, view: int, xyz: Array, dense: Array, spacing: floa
     buffer = np.full(shape, np.inf, np.float32)
     row, column, depth = _cells(cameras, view, dense, cell_px, shape)
     np.minimum.at(buffer, (row, column), depth.astype(np.float32))
-    buffer = cv2.erode(buffer, np.ones((3, 3), np.uint8))  # the nearest of the neighbouring cells closes gaps
+    buffer = np.asarray(
+        cv2.erode(buffer, np.ones((3, 3), np.uint8)), np.float32
+    )  # the nearest of the neighbouring cells closes gaps
     row, column, depth = _cells(cameras, view, xyz, cell_px, shape)
     return depth <= buffer[row, column] + _DEPTH_CELLS * cell_px * pixel
 

@@ -37,6 +37,9 @@ class PointsSettings:
     )
     votes_weight: float = setting(1.0, "Weight of the patch masks' votes.", minimum=0.0)
     features_weight: float = setting(0.5, "Weight of the stage-2 features' similarity.", minimum=0.0)
+    features_distance: float = setting(
+        0.5, "Cosine distance at which clusters of features stay apart (labels: features).", minimum=0.01, maximum=2.0
+    )
     faces_weight: float = setting(1.0, "Weight of the planar faces that stage 1 confirmed.", minimum=0.0)
     smallest_patch: int = setting(
         5, "Patches of fewer nodes are absorbed by their neighbours.", unit="nodes", minimum=1
