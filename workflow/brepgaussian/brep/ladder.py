@@ -25,6 +25,7 @@ from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
 
 _MENDING = ("open_extended", "caps")  # rungs that make up for missing points
+_CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
 _DIGITS = 6  # of figures in the report
 
 
@@ -133,14 +134,23 @@ def _choose(tried: list[Attempt], settings: BrepSettings) -> Attempt | None:
     solids = [t for t in tried if t.shape is not None]
     clean = [t for t in solids if not t.verdict.doubts]
     if clean:
-        return max(clean, key=lambda t: round(t.verdict.score, _DIGITS))
+        return _best(clean)
     weak = [
         t
         for t in solids
         if t.verdict.explained_all >= settings.weak_explained
         and (t.verdict.iou is None or t.verdict.iou >= settings.weak_iou)
     ]
-    return max(weak, key=lambda t: round(t.verdict.score, _DIGITS)) if weak else None
+    return _best(weak) if weak else None
+
+
+def _best(solids: list[Attempt]) -> Attempt:
+    """The highest score; an earlier rung stands unless a later one is clearly better."""
+    best = solids[0]
+    for other in solids[1:]:
+        if other.verdict.score > best.verdict.score + _CLEARLY:
+            best = other
+    return best
 
 
 def _fallback(worker: Worker, job: Job, points: Points) -> Attempt:

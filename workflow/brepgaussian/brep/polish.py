@@ -6,6 +6,7 @@ from typing import Any
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
@@ -46,7 +47,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
         if not details.get("kept", True):
             return Polished(attempt, _figures(result.before) | {"refined": False, "refinement": details})
-        moved = with_surfaces(job, rung, result.surfaces)
+        moved = with_surfaces(job, rung, result.surfaces, {f.surface for f in structure.faces})
         rebuilt = worker.call("assemble:attempt", (moved, rung), settings.time_limit_s)
         fault = _difference(attempt, rebuilt)
         if fault == OTHER_TOPOLOGY:
@@ -65,13 +66,14 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         return Polished(attempt, {"refined": False, "refinement_fault": str(error)})
 
 
-def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...]) -> Job:
-    """The same job with other surfaces under the same points."""
+def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int]) -> Job:
+    """The same job with other surfaces under the same points; caps that the solid does not use are left out."""
     count = len(job.patches)
     patches = tuple(replace(p, surface=s) for p, s in zip(job.patches, surfaces[:count], strict=True))
-    caps = job.caps
+    caps: tuple[Patch, ...] = ()
     if rung.caps:
-        caps = tuple(replace(p, surface=s) for p, s in zip(job.caps, surfaces[count:], strict=True))
+        moved = [replace(p, surface=s) for p, s in zip(job.caps, surfaces[count:], strict=True)]
+        caps = tuple(c for i, c in enumerate(moved, start=count) if i in used)
     return replace(job, patches=patches, caps=caps)
 
 
@@ -89,14 +91,22 @@ def _difference(before: Attempt, after: Attempt) -> str:
     """Why a rebuilt solid is not the same one with better surfaces; empty if it is."""
     if after.shape is None or after.verdict.structure is None or before.verdict.structure is None:
         return "; ".join(after.verdict.faults) or "it has no structure"
-    if topology(before.verdict.structure) != topology(after.verdict.structure):
+    if _named(before) != _named(after):
         return OTHER_TOPOLOGY
     new = set(after.verdict.doubts) - set(before.verdict.doubts)
     return "; ".join(sorted(new)) if len(after.verdict.doubts) > len(before.verdict.doubts) else ""
 
 
-def topology(structure: Structure) -> tuple[Counter[Any], Counter[Any]]:
+def _named(attempt: Attempt) -> tuple[Counter[Any], Counter[Any]]:
+    """The topology with used surfaces numbered in order: indices shift where unused caps are left out."""
+    structure = attempt.verdict.structure
+    assert structure is not None
+    used = sorted({f.surface for f in structure.faces})
+    return topology(structure, {s: i for i, s in enumerate(used)})
+
+
+def topology(structure: Structure, name: dict[int, int]) -> tuple[Counter[Any], Counter[Any]]:
     """Faces by surface and adjacent pairs of surfaces (once for each pair of faces)."""
-    faces = Counter(f.surface for f in structure.faces)
-    pairs = {tuple(sorted(e.faces)): tuple(sorted(e.surfaces)) for e in structure.edges}
+    faces = Counter(name[f.surface] for f in structure.faces)
+    pairs = {tuple(sorted(e.faces)): tuple(sorted(name[s] for s in e.surfaces)) for e in structure.edges}
     return faces, Counter(pairs.values())

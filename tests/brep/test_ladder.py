@@ -1,0 +1,107 @@
+"""The ladder: damaged and senseless clouds still end in a closed valid solid; the worker survives."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.primitives import Primitive, Primitives
+from brepgaussian.brep import occ
+from brepgaussian.brep.gate import integrity
+from brepgaussian.brep.ladder import climb, make_job
+from brepgaussian.brep.worker import Worker, WorkerError
+from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
+from brepgaussian.settings.brep import BrepSettings
+
+SETTINGS = BrepSettings()
+
+
+@pytest.fixture(scope="module")
+def worker():
+    with Worker() as one:
+        yield one
+
+
+def solve(kit, worker, known, corners=None):
+    views = kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5])) if corners is None else corners)
+    job = make_job(views, known.points, known.primitives, SETTINGS)
+    outcome = climb(worker, job, known.points, time.monotonic())
+    assert integrity(occ.from_bytes(outcome.shape)) == ()
+    return outcome
+
+
+def without(kit, known, lost):
+    keep = ~lost
+    index = np.cumsum(keep) - 1
+    items = tuple(
+        Primitive(p.surface, p.label, index[p.support[keep[p.support]]], p.rms)
+        for p in known.primitives.items
+        if keep[p.support].sum() > 20
+    )
+    points = kit.make_points(known.points.xyz[keep], known.points.normals[keep], known.points.label[keep])
+    return kit.Known(points, Primitives(items), known.volume, known.faces)
+
+
+@pytest.mark.parametrize("patch", range(7))
+def test_half_a_patch_missing(kit, worker, patch):
+    known = kit.block_with_hole(sigma=0.003, count=12000, seed=patch + 10)
+    xyz = known.points.xyz
+    lost = (known.points.label == patch) & (xyz @ [0.3, 0.5, 0.4] > 0.6)
+    outcome = solve(kit, worker, without(kit, known, lost))
+    assert outcome.report["fallback"] is False
+    assert outcome.report["faces"] == 7
+    assert outcome.report["volume"] == pytest.approx(known.volume, rel=1e-3)
+
+
+@pytest.mark.parametrize("patch", [1, 4])
+def test_a_whole_patch_missing(kit, worker, patch):
+    known = kit.block_with_hole(sigma=0.003, count=12000, seed=patch + 20)
+    outcome = solve(kit, worker, without(kit, known, known.points.label == patch))
+    assert outcome.report["fallback"] is False
+    assert outcome.report["faces"] == 7
+    assert outcome.report["volume"] == pytest.approx(known.volume, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_senseless_primitives_still_close(kit, worker, seed):
+    rng = np.random.default_rng(seed)
+    xyz = rng.random((800, 3))
+    normals = rng.normal(size=(800, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    label = rng.integers(0, 6, 800)
+    a, b = rng.normal(size=(2, 3))
+    surfaces = [
+        plane(rng.random(3), a), cylinder(rng.random(3), b, 0.2), cone(rng.random(3), a, 0.1, 0.4),
+        sphere(rng.random(3), 0.3), torus(rng.random(3), b, 0.1, 0.3), plane(rng.random(3), b),
+    ]  # fmt: skip
+    items = tuple(Primitive(s, i, np.flatnonzero(label == i), 0.1) for i, s in enumerate(surfaces))
+    known = kit.Known(kit.make_points(xyz, normals, label), Primitives(items), 0.0, 0)
+    assert solve(kit, worker, known).report["volume"] > 0
+
+
+def test_useless_views_do_no_harm(kit, worker):
+    known = kit.block_with_hole(sigma=0.003, seed=7)
+    outcome = solve(kit, worker, known, corners=np.zeros((0, 3, 3)))
+    assert outcome.report["faces"] == 7
+    assert outcome.report["mask_iou"] is None
+
+
+def test_wrong_silhouettes_are_outvoted(kit, worker):
+    known = kit.block_with_hole(sigma=0.003, seed=8)
+    small = kit.box_corners(np.array([0.5, 0.4, 0.3]))
+    outcome = solve(kit, worker, known, corners=small)
+    assert outcome.report["doubts"] or outcome.report["fallback"]
+
+
+def test_worker_survives_hangs_crashes_and_errors():
+    with Worker() as worker:
+        with pytest.raises(WorkerError, match="more than"):
+            worker.call("occ:from_bytes", (b"",), 1e-3)
+        with pytest.raises(WorkerError, match="Error"):
+            worker.call("occ:no_such_function", (), 30.0)
+        timer = threading.Timer(0.3, lambda: worker._process and worker._process.kill())
+        worker.stop()
+        timer.start()
+        with pytest.raises(WorkerError, match="crashed"):
+            worker.call("worker:Worker", (), 30.0)  # starting takes longer than the timer
+        assert worker.call("borders:clusters", (np.zeros((3, 3)), 1.0), 30.0)[0].tolist() == [0, 1, 2]

@@ -1,0 +1,135 @@
+"""Arrangement, evidence, cut, gate and structure on solids with known answers."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from brepgaussian.brep import occ, solid
+from brepgaussian.brep.build_faces import build_face
+from brepgaussian.brep.cells import arrange, sample_triangles
+from brepgaussian.brep.evidence import cell_volumes, gather
+from brepgaussian.brep.gate import examine, integrity
+from brepgaussian.brep.labelling import _cut, one_body
+from brepgaussian.brep.patches import make_patches
+from brepgaussian.brep.polyhedron import polyhedral
+from brepgaussian.brep.sheets import make_sheet
+from brepgaussian.brep.silhouettes import make_silhouettes
+from brepgaussian.brep.structure import extract
+from brepgaussian.geometry.surfaces import cylinder, plane
+from brepgaussian.settings.brep import BrepSettings
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+
+
+def box(low, high):
+    return BRepPrimAPI_MakeBox(gp_Pnt(*map(float, low)), gp_Pnt(*map(float, high))).Shape()
+
+
+def arrangement_of(patches, margin=0.04):
+    sheets = [make_sheet(i, patches, margin) for i in range(len(patches))]
+    return arrange([build_face(s) for s in sheets], [s.patch for s in sheets], 1e-5)
+
+
+def test_cells_of_a_block_with_a_hole(kit):
+    known = kit.block_with_hole()
+    patches = make_patches(known.primitives.items, known.points, 0.05)
+    found = arrangement_of(patches)
+    assert found.cells == 2  # the block and the bore
+    np.testing.assert_allclose(np.bincount(found.sample_facet, found.sample_weight), found.area, rtol=1e-2)
+    free, volume = cell_volumes(found, None)
+    bore = np.pi * 0.2**2 * 0.5
+    np.testing.assert_allclose(np.sort(volume), [bore, known.volume], rtol=0.03)
+    assert not free.any()
+    views = kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.25])))  # as if the upper half were air
+    silhouettes = make_silhouettes(views.alpha, views.cameras, 10, 200)
+    free, volume = cell_volumes(found, silhouettes)
+    assert 0.2 < free.sum() / volume.sum() < 0.55
+    evidence = gather(found, patches, None)
+    used = [i for i, o in enumerate(found.origins) if o and found.area[i] > 0.01]
+    assert min(evidence.coverage[i] for i in used if found.origins[i] == (6,)) > 0.95
+
+
+def test_minimum_cut_against_all_labellings():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        n = 5
+        front, back = rng.integers(0, n + 2, 9), rng.integers(0, n + 2, 9)
+        front, back = np.where(front == n, n + 1, front), np.where(back == n, n + 1, back)  # no facet at the source
+        pair, inside_cost, outside_cost = rng.random(9), rng.random(n), rng.random(n)
+
+        def energy(label, front=front, back=back, pair=pair, i=inside_cost, o=outside_cost):
+            state = np.append(label, [1, 0])
+            return (pair * (state[front] != state[back])).sum() + (np.where(label, i, o)).sum()
+
+        found = _cut(front, back, pair, inside_cost, outside_cost, n, n + 1)
+        best = min(energy(np.array(labels)) for labels in product([0, 1], repeat=n))
+        assert energy(found.astype(int)) == pytest.approx(best, abs=1e-4)
+
+
+def test_one_body_keeps_the_largest(kit):
+    known = kit.block_with_hole()
+    found = arrangement_of(make_patches(known.primitives.items, known.points, 0.05))
+    _, volume = cell_volumes(found, None)
+    both = one_body(found, np.array([True, True]), volume, 1e-3)
+    assert both.all()
+    assert one_body(found, np.array([False, False]), volume, 1e-3).sum() == 0
+
+
+def test_structure_knows_convex_concave_and_smooth():
+    ell = BRepAlgoAPI_Cut(box((0, 0, 0), (1, 1, 1)), box((0.5, -1, 0.5), (2, 2, 2))).Shape()
+    shape = solid.clean(occ.solids(ell)[0])
+    surfaces = [
+        plane([0, 0, 0], [-1, 0, 0]), plane([1, 0, 0], [1, 0, 0]), plane([0, 0, 0], [0, -1, 0]),
+        plane([0, 1, 0], [0, 1, 0]), plane([0, 0, 0], [0, 0, -1]), plane([0, 0, 1], [0, 0, 1]),
+        plane([0.5, 0, 0], [-1, 0, 0]), plane([0, 0, 0.5], [0, 0, 1]),
+    ]  # fmt: skip
+    structure = extract(shape, surfaces)
+    assert sorted(f.surface for f in structure.faces) == list(range(8))
+    kinds = {tuple(sorted(e.surfaces)): e.convexity for e in structure.edges}
+    assert len(structure.edges) == 18
+    assert kinds.pop((6, 7)) == "concave"
+    assert set(kinds.values()) == {"convex"}
+    assert [f.flipped for f in structure.faces if f.surface == 6] == [True]  # given the other way round
+    assert sum(v.corner for v in structure.vertices) == 12
+    tool = BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(0.5, 0.5, -1), gp_Dir(0, 0, 1)), 0.2, 3).Shape()
+    bored = solid.clean(occ.solids(BRepAlgoAPI_Cut(box((0, 0, 0), (1, 1, 1)), tool).Shape())[0])
+    structure = extract(bored, [*surfaces[:6], cylinder([0.5, 0.5, 0], [0, 0, 1], 0.2, True)])
+    rims = [e for e in structure.edges if 6 in e.surfaces]
+    assert len(rims) == 2
+    assert all(e.closed and e.kind == "circle" and e.convexity == "convex" for e in rims)
+    assert not [f for f in structure.faces if f.flipped]
+
+
+def test_gate_sees_what_is_wrong(kit):
+    known = kit.block_with_hole(sigma=0.002)
+    patches = make_patches(known.primitives.items, known.points, 0.05)
+    block = box((0, 0.1, 0.25), (1, 0.9, 0.75))
+    filled = examine(block, patches, None, BrepSettings())
+    assert filled.explained[6] == 0
+    assert any("patch 6" in d for d in filled.doubts)
+    open_shell = occ.compound(occ.faces(block)[:5])
+    assert integrity(open_shell)
+    pair = BRepAlgoAPI_Fuse(block, box((2, 2, 2), (3, 3, 3))).Shape()
+    assert "2 solids" in integrity(pair)[0]
+    assert integrity(block) == ()
+
+
+def test_samples_are_spread_evenly():
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0.0]]])
+    points, normals, _, weight = sample_triangles(corners, 0.05)
+    assert weight.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(normals, np.tile([0, 0, 1.0], (len(points), 1)))
+    counts = np.histogram2d(points[:, 0], points[:, 1], bins=5, range=[[0, 1], [0, 1]])[0]
+    assert counts.min() > 0.6 * counts.mean()
+
+
+@pytest.mark.parametrize("with_views", [True, False])
+def test_polyhedron_closes(kit, with_views):
+    known = kit.block_with_hole(sigma=0.005)
+    views = kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5])))
+    silhouettes = make_silhouettes(views.alpha, views.cameras, 10, 200) if with_views else None
+    data, _ = polyhedral(known.points.xyz.astype(float), known.points.normals.astype(float), silhouettes, 200)
+    shape = occ.from_bytes(data)
+    assert integrity(shape) == ()
+    assert occ.volume(shape) == pytest.approx(known.volume, rel=0.25)
