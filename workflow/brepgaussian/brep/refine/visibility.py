@@ -17,6 +17,7 @@ Indices = NDArray[np.int64]
 CREASE, SILHOUETTE, OCCLUDING = 0, 1, 2
 KINDS = ("crease", "silhouette", "occluding")
 NEAR_PX, FAR_PX = 1.5, 4.5  # distances from the edge at which rays test what lies beside it
+SLIVER_PX = (0.3, 0.8)  # and these tell whether it reaches up to the edge; the triangulation is good to .06 px
 _DEPTH_PX = 12.0  # a hit this much nearer or farther than the sample, in pixel footprints, is another place
 _NOTHING = -1
 
@@ -100,7 +101,24 @@ def classify(rays: Rays, scene: Scene, structure: Structure, cameras: Cameras, p
         kind[owned[here] & (status[there] == "behind")] = OCCLUDING
     keep = (kind >= 0) & inside
     turn = np.where(crease, minus == "second", owned[1])
+    owners = np.stack([surface_of[f] for f in faces])[:, keep]
+    keep[keep] = _nothing_between(rays.take(keep), owners, scene, surface_of, cameras, poses)
     return Seen(rays.turned(turn).take(keep), kind[keep])
+
+
+def _nothing_between(
+    rays: Rays, owners: Indices, scene: Scene, surface_of: Indices, cameras: Cameras, poses: Array
+) -> NDArray[np.bool_]:
+    """Whether what lies at 1.5 px (2, R) on either side reaches up to the edge: no sliver of a third face."""
+    clear = np.ones(len(rays.view), bool)
+    for row, side in enumerate((-1.0, 1.0)):
+        for reach in SLIVER_PX:
+            left = np.flatnonzero(clear)
+            part = rays.take(left)
+            pixels = part.pixel + side * reach * part.normal
+            face, _ = scene.cast(*look(cameras, part.view, pixels, poses))
+            clear[left] = surface_of[face] == owners[row, left]
+    return clear
 
 
 def _inside(rays: Rays, cameras: Cameras) -> NDArray[np.bool_]:
