@@ -162,11 +162,12 @@ def visible_samples(
     place = _in_cells(pixel, cells[row[index], column[index]])
     count = min(_OCCLUDERS, len(index))
     _, near = cKDTree(place).query(place, k=count, distance_upper_bound=_SPLAT * spacing_px)
-    front = np.append(depth, np.inf)[near.reshape(len(index), count)].min(1)
-    # a slanted face is deeper at the far end of the neighbourhood than at its near end
+    near = near.reshape(len(index), count)
+    # a slanted face is deeper at the far end of the neighbourhood than at its near end; both samples must be slanted
     cosine = np.clip(facing[index], _FACING, 1)
     slant = np.minimum(np.sqrt(1 - cosine**2) / cosine, _MAX_SLANT)
-    seen = depth <= front + samples.spacing * (1 + _SPLAT * slant)
+    common = np.minimum(np.append(slant, 0)[near], slant[:, None])
+    seen = depth <= (np.append(depth, np.inf)[near] + samples.spacing * (1 + _SPLAT * common)).min(1)
     return pixel[seen], index[seen], spacing_px
 
 
