@@ -22,7 +22,7 @@ def truth_of(name: str, seed: int = 0) -> Truth:
     return truth_of_solid(transformed(solid, unit_from_world(solid)), ViewsSettings())[0]
 
 
-def labelled(truth: Truth, sigma: float, wrong: float, rng: np.random.Generator, count: int = 8000) -> Points:
+def labelled(truth: Truth, sigma: float, wrong: float, rng: np.random.Generator, count: int = 5000) -> Points:
     """Noisy points of a truth, labelled by its faces, a share of the labels wrong."""
     chosen = np.sort(rng.choice(len(truth.points), min(count, len(truth.points)), replace=False))
     xyz = truth.points[chosen] + sigma * rng.normal(size=(len(chosen), 3))

@@ -26,8 +26,11 @@ def judge(result, truth, points):
     return rows
 
 
-@pytest.mark.parametrize("name", PARTS)
-@pytest.mark.parametrize(("sigma", "wrong"), [(0.0, 0.0), (0.002, 0.05), (0.005, 0.02)])
+CASES = [(name, 0.002, 0.05) for name in PARTS]
+CASES += [(name, *noise) for name in ("hex_nut", "fillet_bracket") for noise in ((0.0, 0.0), (0.005, 0.02))]
+
+
+@pytest.mark.parametrize(("name", "sigma", "wrong"), CASES)
 def test_kinds_and_parameters_are_recovered(name, sigma, wrong, truth_maker, point_maker):
     truth = truth_maker(name, UNSEEN)
     points = point_maker(truth, sigma, wrong, np.random.default_rng(7))
@@ -40,9 +43,8 @@ def test_kinds_and_parameters_are_recovered(name, sigma, wrong, truth_maker, poi
     assert abs(result.sigma - max(sigma, DEFAULT.sigma_floor)) < 0.3 * max(sigma, DEFAULT.sigma_floor)
 
 
-@pytest.mark.parametrize("name", ["hex_nut", "fillet_bracket"])
-def test_heavy_noise_keeps_the_kinds_of_large_faces(name, truth_maker, point_maker):
-    truth = truth_maker(name, UNSEEN)
+def test_heavy_noise_keeps_the_kinds_of_large_faces(truth_maker, point_maker):
+    truth = truth_maker("hex_nut", UNSEEN)
     points = point_maker(truth, 0.01, 0.02, np.random.default_rng(8))
     result = primitives_of(points, DEFAULT)
     large = [i for i, p in enumerate(result.items) if len(p.support) > 0.03 * len(points.label)]
@@ -108,9 +110,9 @@ def test_relations_hold_exactly(truth_maker, point_maker):
 
 def test_snapping_brings_the_fits_nearer_to_the_truth(truth_maker, point_maker):
     gain = []
-    for name in ("hex_nut", "fillet_bracket", "stepped_shaft"):
+    for name in ("hex_nut", "stepped_shaft"):
         truth = truth_maker(name, UNSEEN)
-        points = point_maker(truth, 0.005, 0.02, np.random.default_rng(13), count=4000)
+        points = point_maker(truth, 0.005, 0.02, np.random.default_rng(13), count=3000)
         error = [
             np.mean([r[3] for r in judge(primitives_of(points, PrimitivesSettings(regularise=on)), truth, points)])
             for on in (False, True)

@@ -20,9 +20,9 @@ log = get_logger("primitives")
 
 NEAR = 4.0  # noises from a neighbour's surface within which a point needs no face of its own,
 LEANING = np.radians(32.0)  # if its normal is no further off: the walls of a chamfer are 45 degrees apart
-DOUBTFUL = 0.4  # the share where edge values decide,
-PEAKED = 0.25  # by their rank correlation with the angle from the neighbours
-EXPLAINED = 0.65  # share of its points that makes a patch superfluous
+DOUBTFUL = 0.4  # share of such points from which a patch may be superfluous:
+PEAKED = 0.25  # edge values decide by their rank correlation with the angle from the neighbours,
+EXPLAINED = 0.65  # and where they do not, the share
 LARGER = 2.0  # times as many points as the patch that a neighbour must have
 TOUCHING = 3  # neighbour pairs that make two patches adjacent
 
@@ -47,10 +47,11 @@ def _superfluous(patch: Patch, neighbours: list[Patch], cloud: Cloud, noise: Noi
     xyz, normals = cloud.xyz[patch.members], cloud.normals[patch.members]
     near = [inliers(n.surface, xyz, normals, NEAR * noise.distance, LEANING) for n in larger]
     share = float(np.any(near, axis=0).mean())
-    if share > EXPLAINED or share < DOUBTFUL:
-        return share > EXPLAINED
+    if share < DOUBTFUL:
+        return False
     turn = np.min([residuals(n.surface, xyz, normals)[1] for n in larger], axis=0)
-    return rank_correlation(cloud.edge[patch.members], turn) > PEAKED
+    peak = rank_correlation(cloud.edge[patch.members], turn)
+    return share > EXPLAINED if abs(peak) < PEAKED else peak > 0
 
 
 def rank_correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:

@@ -169,6 +169,16 @@ def equal_angles(state: State) -> list[Link]:
     return links
 
 
+def usual_angles(state: State) -> list[Link]:
+    """Cones of a usual half angle; a relation of the patch with itself."""
+    links = []
+    for i, surface in enumerate(state.surfaces):
+        if surface.kind == "cone":
+            limit = ANGLE_SHARE * state.angle_tolerance(i, i)
+            links += [Link(f"half_angle_{a}", i, i) for a in ANGLES_DEG if abs(np.radians(a) - surface.angle) < limit]
+    return links
+
+
 def same(state: State) -> list[Link]:
     """Patches on one analytic surface with the same outward side, lying apart or not."""
     order = sorted(range(len(state.surfaces)), key=lambda i: (-state.sizes[i], i))

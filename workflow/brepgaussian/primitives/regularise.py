@@ -27,6 +27,7 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("coaxial", propose.coaxial),
     ("equal radii", propose.equal_radii),
     ("equal angles", propose.equal_angles),
+    ("usual angles", propose.usual_angles),
     ("tangent", propose.tangent),
     ("one surface", propose.same),
 )
@@ -157,6 +158,6 @@ def _joined(snapping: Snapping, links: list[Link]) -> tuple[list[Patch], tuple[R
     relations: dict[tuple[str, int, int], float] = {}
     for link in snapping.links:
         ends = place[head.get(link.first, link.first)], place[head.get(link.second, link.second)]
-        if ends[0] != ends[1]:
+        if ends[0] != ends[1] or link.first == link.second:
             relations.setdefault((link.kind, min(ends), max(ends)), snapping.residuals[link])
     return patches, tuple(Relation(k, i, j, r) for (k, i, j), r in sorted(relations.items()))

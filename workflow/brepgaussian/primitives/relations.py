@@ -90,6 +90,11 @@ def _equal_angle(first: Surface, second: Surface) -> Array:
     return np.array([first.angle - second.angle])
 
 
+def _half_angle(degrees: float) -> Residual:
+    target = float(np.radians(degrees))
+    return lambda first, second: np.array([first.angle - target])
+
+
 def _coplanar(first: Surface, second: Surface) -> Array:
     return np.append(_parallel(first, second), (second.origin - first.origin) @ first.axis)
 
@@ -141,6 +146,7 @@ RESIDUALS: dict[str, Residual] = {
     "parallel": _parallel,
     "perpendicular": _perpendicular,
     **{f"angle_{a}": _angle(a) for a in ANGLES_DEG},
+    **{f"half_angle_{a}": _half_angle(a) for a in ANGLES_DEG},
     "coaxial": _coaxial,
     "equal_radius": _equal_radius,
     "equal_angle": _equal_angle,
