@@ -42,6 +42,14 @@ def attempt(job: Job, rung: Rung) -> Attempt:
     return Attempt(rung.name, data, verdict, surfaces, notes=notes)
 
 
+def judge(data: bytes, job: Job, rung: Rung, notes: dict[str, Any]) -> Attempt:
+    """A solid from elsewhere (OCC bytes, unit frame) as an attempt of a job."""
+    patches = patches_of(job, rung)
+    verdict = examine(occ.from_bytes(data), patches, job.silhouettes, job.settings, job.ends)
+    verdict, surfaces = oriented(verdict, tuple(p.surface for p in patches))
+    return Attempt(rung.name, None if verdict.faults else data, verdict, surfaces, notes=notes)
+
+
 def oriented(verdict: Verdict, surfaces: tuple[Surface, ...]) -> tuple[Verdict, tuple[Surface, ...]]:
     """Surfaces whose normals point out of the solid on most of their area, and the structure to match."""
     structure = verdict.structure
@@ -102,5 +110,9 @@ def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:
 def fallback(xyz: Array, normals: Array | None, silhouettes: Silhouettes | None, faces: int, job: Job) -> Attempt:
     """The polyhedral last resort."""
     data, source = polyhedral(xyz, normals, silhouettes, faces)
-    verdict = examine(occ.from_bytes(data), (), job.silhouettes, job.settings)
-    return Attempt("polyhedron", data, replace(verdict, doubts=()), fallback=True, notes={"source": source})
+    shape = occ.from_bytes(data)
+    verdict = examine(shape, (), job.silhouettes, job.settings)
+    surfaces = occ.planes(shape)
+    structure = extract(shape, surfaces)
+    verdict = replace(verdict, doubts=(), structure=structure)
+    return Attempt("polyhedron", data, verdict, tuple(surfaces), fallback=True, notes={"source": source})

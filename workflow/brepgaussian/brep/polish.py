@@ -12,9 +12,12 @@ from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
+from brepgaussian.settings.brep import BrepSettings
 
 OTHER_TOPOLOGY = "its topology differs"
-_SLACK = 0.01  # of the gate's score: what refined surfaces may lose on the points
+_ROUNDS = 2  # of refining and rebuilding
+_MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
+_IOU_SLACK = 1e-3  # what the kernel's solid may lose against the refined triangulation
 
 
 @dataclass(frozen=True)
@@ -33,37 +36,92 @@ class Polished:
 def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views) -> Polished:
     """Refine the surfaces of a solid against the images, rebuild it, and judge the result by the images.
 
-    Nothing that goes wrong here costs the solid that there is.
+    Where the rebuilt solid has another topology (faces that touch in a point join or part), it is refined
+    once more. Nothing that goes wrong here costs the solid that there is.
     """
     from brepgaussian.brep.refine import acceptance, refine
 
     log, settings = get_logger("brep"), job.settings
+    best: Polished | None = None
     try:
-        structure, mesh = worker.call("assemble:inspect", (attempt.shape, attempt.surfaces), settings.time_limit_s)
+        structure, mesh = _inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
             return Polished(attempt, _figures(test) | {"refined": False})
-        result = refine(structure, mesh, attempt.surfaces, views, settings)
-        details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
-        if not details.get("kept", True):
-            return Polished(attempt, _figures(result.before) | {"refined": False, "refinement": details})
-        moved = with_surfaces(job, rung, result.surfaces, {f.surface for f in structure.faces})
-        rebuilt = worker.call("assemble:attempt", (moved, rung), settings.time_limit_s)
-        fault = _difference(attempt, rebuilt)
-        if fault == OTHER_TOPOLOGY:
-            structure, mesh = worker.call("assemble:inspect", (rebuilt.shape, rebuilt.surfaces), settings.time_limit_s)
-            test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=result.poses)
-            if test.mask_iou > result.before.mask_iou and rebuilt.verdict.score > attempt.verdict.score - _SLACK:
-                figures = _figures(test) | {"refined": True, "refinement_fault": fault}
-                return Polished(rebuilt, figures | {"refinement": details})
-        if fault:
-            log.warning("the refined solid is not published: %s", fault)
-            figures = _figures(result.before) | {"refined": False, "refinement_fault": fault}
-            return Polished(attempt, figures | {"refinement": details})
-        return Polished(rebuilt, _figures(result) | {"refined": True, "refinement": details})
+        for _ in range(_ROUNDS):
+            result = refine(structure, mesh, attempt.surfaces, views, settings)
+            details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
+            if best is None:
+                best = Polished(attempt, _figures(result.before) | {"refined": False, "refinement": details})
+            if not result.report["kept"]:
+                break
+            rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
+            if isinstance(rebuilt, str):
+                log.warning("refined surfaces are not published: %s", rebuilt)
+                best.report["refinement_fault"] = rebuilt
+                break
+            same = _named(rebuilt[0]) == _named(attempt)
+            attempt, test = rebuilt
+            details |= {"edges": test.edges, "faces": test.faces}
+            best = Polished(attempt, _figures(test) | {"refined": True, "refinement": details})
+            if same:
+                break
+            structure, mesh = _inspect(worker, attempt, settings)
     except (WorkerError, BrepGaussianError, ValueError, ArithmeticError, RuntimeError, IndexError) as error:
         log.warning("no refinement: %s", error)
-        return Polished(attempt, {"refined": False, "refinement_fault": str(error)})
+        best = best or Polished(attempt, {"refined": False})
+        best.report["refinement_fault"] = str(error)
+    assert best is not None
+    return best
+
+
+def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
+    """Structure and triangulation of an attempt's solid."""
+    return worker.call("assemble:inspect", (attempt.shape, attempt.surfaces), settings.time_limit_s)
+
+
+def _rebuilt(
+    worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views
+) -> tuple[Attempt, Any] | str:
+    """The solid of the refined surfaces with its acceptance test, or what is wrong with it.
+
+    First from the refined faces themselves, then from the points as before.
+    """
+    from brepgaussian.brep.refine import acceptance
+
+    settings = job.settings
+    used = {f.surface for f in result.structure.faces}
+    moved = with_surfaces(job, rung, result.surfaces, used)
+    own = (result.mesh, result.structure, result.surfaces, moved, rung)
+    calls = [("refine.support:rebuild", (*own, margin)) for margin in _MARGINS] + [("assemble:attempt", (moved, rung))]
+    fault = ""
+    for function, arguments in calls:
+        try:
+            rebuilt: Attempt = worker.call(function, arguments, settings.time_limit_s)
+        except (WorkerError, BrepGaussianError) as error:
+            fault = fault or str(error)
+            continue
+        difference = _difference(attempt, rebuilt)
+        if difference not in ("", OTHER_TOPOLOGY):
+            fault = fault or difference
+            continue
+        structure, mesh = _inspect(worker, rebuilt, settings)
+        poses = result.poses if result.poses.any() else None
+        test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=poses, tone=result.tone)
+        if _as_good(test, result, same=not difference):
+            return rebuilt, test
+        fault = fault or difference or "the rebuilt solid agrees less with the images than its surfaces"
+    return fault
+
+
+def _as_good(test: Any, result: Any, same: bool) -> bool:
+    """Whether a rebuilt solid is what the refinement meant; another topology must convince by the images."""
+    if same:
+        lost = result.accepted and not test.accepted
+        return not lost and test.mask_iou > result.mask_iou - _IOU_SLACK
+    if test.accepted != result.before.accepted:
+        return bool(test.accepted)
+    return bool(test.mask_iou > result.before.mask_iou and not test.silhouette_px > result.before.silhouette_px)
 
 
 def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int]) -> Job:

@@ -27,6 +27,8 @@ _WINDOWS = ((12.0, 6.0), (6.0, 4.0), (3.0, 3.0), (2.0, 2.0))
 _MOST_LAST = 3
 _WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
+_TWIN = 1e-6  # distance within which two surfaces are the same
+_PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
 # Regularities of the refined surfaces: the images tell directions and lengths at least this well.
@@ -146,7 +148,7 @@ def refine(
         "faces": verdict.faces,
     }
     return RefineResult(
-        surfaces=result.state.surfaces if kept else tuple(surfaces),
+        surfaces=_with_twins(structure, surfaces, result) if kept else tuple(surfaces),
         silhouette_px=verdict.silhouette_px,
         mask_iou=verdict.mask_iou,
         accepted=verdict.accepted,
@@ -206,6 +208,21 @@ def _anchored(structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface])
         triangles = mesh.triangles[owner == index]
         result.append(recentre(surface, mesh.vertices[np.unique(triangles)]) if len(triangles) else surface)
     return result
+
+
+def _with_twins(structure: Structure, before: Sequence[Surface], run: _Run) -> tuple[Surface, ...]:
+    """The refined surfaces; one that no face names, since it was the same as another, follows that one."""
+    used = sorted({f.surface for f in structure.faces if f.surface >= 0})
+    result = list(run.state.surfaces)
+    for index in sorted(set(range(len(before))) - set(used)):
+        for other in used:
+            points = before[other].project(run.prior.surfaces[other].origin + _PROBES)
+            same = before[other].kind == before[index].kind
+            if same and np.abs(before[index].signed_distance(points)).max() < _TWIN:
+                agree = np.einsum("ni,ni->n", before[other].normals(points), before[index].normals(points)).sum()
+                result[index] = result[other] if agree > 0 else result[other].flip()
+                break
+    return tuple(result)
 
 
 def _worse(after: Acceptance, before: Acceptance) -> bool:
