@@ -32,8 +32,8 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("one surface", propose.same),
 )
 TOUCHING = 3  # neighbour pairs that make two patches adjacent
-WORSE = 1.15  # times its own residual that a patch may have after snapping
-ALLOWED = 1.1  # noises that any patch may have: one that happens to fit better is no better known
+WORSE = 1.2  # times its own residual that a patch may have after snapping
+ALLOWED = 1.45  # noises that any patch may have: three standard deviations of `solve.EFFECTIVE` observations
 MOST_UNDONE = 40  # relations taken back in one step
 HELD = 1e-6  # a relation with a larger residual after the solve contradicts the others
 

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.geometry.fit import PARAMETERS, abreast, distance_jacobian, moved, residuals
-from brepgaussian.geometry.fit_choose import EFFECTIVE
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, thinned
 from brepgaussian.primitives.relations import Link
 
 Array = NDArray[np.float64]
 
+# Independent observations of a patch's place and direction: the slow part of the error spans the whole patch, so
+# they are fewer than those that tell its shape (`geometry.fit_choose.EFFECTIVE`).
+EFFECTIVE = 8
 SAMPLE = 500  # points of a patch in the joint solve
 ITERATIONS = 6
 STEP = 1e-6  # of the central differences of relations
