@@ -17,7 +17,7 @@ class Stage1Settings:
     )
     device: str = setting("auto", "Where to render; never silently replaced.", choices=("auto", "cpu", "cuda"))
     image_size: int = setting(400, "Longer side of the training images.", unit="px", minimum=50, maximum=1600)
-    iterations: int = setting(400, "Training steps of the fast recipe, one view each.", minimum=0)
+    iterations: int = setting(600, "Training steps of the fast recipe, one view each.", minimum=0)
     paper_iterations: int = setting(30000, "Training steps of the paper recipe.", minimum=1)
     surfels: int = setting(8000, "Surfels that the hull is covered with.", minimum=100, maximum=200000)
     hull_resolution: int = setting(160, "Voxels along each side of the hull's grid.", minimum=16, maximum=400)
@@ -29,23 +29,31 @@ class Stage1Settings:
     dssim_weight: float = setting(0.2, "Share of D-SSIM in L_geo, lambda (3DGS: 0.2).", minimum=0.0, maximum=1.0)
     alpha_weight: float = setting(0.5, "Weight of the silhouette loss.", minimum=0.0)
     normal_weight: float = setting(0.1, "Weight of normal consistency (2DGS: 0.05).", minimum=0.0)
-    distortion_weight: float = setting(10.0, "Weight of depth distortion, unit-frame lengths squared.", minimum=0.0)
-    densification: bool = setting(True, "Split and prune surfels during training.")
+    distortion_weight: float = setting(0.0, "Weight of depth distortion, unit-frame lengths squared.", minimum=0.0)
+    densification: bool = setting(True, "Split and prune surfels during the first half of training.")
+    densify_every: int = setting(100, "Training steps between two densifications.", minimum=1)
+    densify_share: float = setting(
+        0.02, "Share of the surfels that one densification splits.", minimum=0.0, maximum=1.0
+    )
+    max_surfels: int = setting(200000, "Densification stops here.", minimum=100, maximum=1000000)
+    stop_gain: float = setting(
+        0.01, "Stop when two passes over the views lower the loss by less than this share; 0 = never.", minimum=0.0
+    )
     single_stage: bool = setting(False, "Ablation: train the patch features together with the geometry.")
     low_pass_px: float = setting(
         0.3, "Standard deviation of the screen-space filter (2DGS: 0.71); 0 = none.", unit="px", minimum=0.0
     )
-    position_rate: float = setting(0.0004, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
-    rotation_rate: float = setting(0.01, "Adam's rate for quaternions.", minimum=0.0)
-    scale_rate: float = setting(0.01, "Adam's rate for log scales.", minimum=0.0)
+    position_rate: float = setting(0.0003, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
+    rotation_rate: float = setting(0.0005, "Adam's rate for quaternions.", minimum=0.0)
+    scale_rate: float = setting(0.003, "Adam's rate for log scales.", minimum=0.0)
     opacity_rate: float = setting(0.03, "Adam's rate for opacity logits.", minimum=0.0)
-    color_rate: float = setting(0.01, "Adam's rate for colours and edge values.", minimum=0.0)
+    color_rate: float = setting(0.005, "Adam's rate for colours and edge values.", minimum=0.0)
     final_rate: float = setting(0.1, "Rates at the end as a share of those at the start.", minimum=0.0, maximum=1.0)
     shared_moment: bool = setting(
-        True, "One second moment for all surfels: they move in proportion to their gradients (Adam: one each)."
+        False, "One second moment for all surfels: they move in proportion to their gradients (Adam: one each)."
     )
     settle_sweeps: int = setting(10, "Sweeps of the smooth-surface prior before training.", minimum=0)
-    settle_every: int = setting(50, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
+    settle_every: int = setting(100, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
     settle_below: float = setting(
         0.9,
         "Weight of neighbours below the fitted surface, hulls being too large (0.5: symmetric).",

@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,7 @@ def view_params(camera: Camera, channels: int, options: RenderOptions) -> ViewPa
 @functools.cache
 def load() -> ctypes.CDLL:
     """Load the kernels, compiling them first when needed."""
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # waiting threads give way to other jobs on the machine
     library = ctypes.CDLL(str(build_kernel()))
     library.bg_create.restype = ctypes.c_void_p
     library.bg_pairs.restype = ctypes.c_int64

@@ -14,6 +14,7 @@ from brepgaussian.log import get_logger, progress
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting.densify import Statistics, densify
 from brepgaussian.splatting.engine import LossWeights, average_targets, training_step
 from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.library import Cloud, Raster
@@ -22,7 +23,8 @@ from brepgaussian.splatting.settle import settle
 from brepgaussian.splatting.targets import Target, is_grey, make_targets
 
 START_OPACITY = 0.9
-SCALE_PER_SPACING = 0.6  # disks of this size overlap enough to be opaque
+SMALLEST_PX = 0.5  # surfels of less than this standard deviation are not split: no pixel could tell the halves apart
+SCALE_PER_SPACING = 0.9  # disks of this size leave no gaps between the darts, at grazing views neither
 
 logger = get_logger("stage1")
 
@@ -82,7 +84,8 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> t
     noise = float(np.median(masks.noise))
     hull = carve(views, settings.hull_resolution, threads, settings.concavities, noise)
     parameters = start(views, hull, settings)
-    losses = optimise(parameters, make_targets(views, masks, settings.image_size), settings, threads)
+    targets = make_targets(views, masks, settings.image_size)
+    parameters, losses = optimise(parameters, targets, settings, threads)
     return parameters.surfels(), hull, losses
 
 
@@ -101,43 +104,74 @@ def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
     return Parameters(cloud)
 
 
-def optimise(parameters: Parameters, targets: list[Target], settings: Stage1Settings, threads: int) -> list[float]:
-    """Train in place, one view a step, and return the loss of each step."""
+def optimise(
+    parameters: Parameters, targets: list[Target], settings: Stage1Settings, threads: int
+) -> tuple[Parameters, list[float]]:
+    """Train, one view a step; return the surfels and the loss of each step."""
     rng = np.random.default_rng(settings.seed)
     raster, losses = Raster(), []
     options = RenderOptions(low_pass_px=settings.low_pass_px, threads=threads)
-    weights = LossWeights(
+    weights = loss_weights(settings)
+    parameters.replace("channels", average_targets(parameters.cloud, targets, options)[0])
+    settle_all(parameters, settings, settings.settle_sweeps)
+    statistics, smallest = Statistics(len(parameters)), SMALLEST_PX * footprint(targets)
+    order: list[int] = []
+    for iteration in progress(range(settings.iterations), "stage1"):
+        if not order:
+            order = rng.permutation(len(targets)).tolist()
+        step = training_step(raster, parameters.cloud, targets[order.pop()], weights, options)
+        statistics.add(step.screen, step.weights)
+        parameters.update(step.gradients, rates(settings, iteration), threads, shared=settings.shared_moment)
+        losses.append(step.loss)
+        done = iteration + 1
+        if settings.densification and done % settings.densify_every == 0 and done <= settings.iterations // 2:
+            limit = settings.max_surfels
+            parameters = densify(parameters, statistics, settings.densify_share, smallest, limit)
+            statistics = Statistics(len(parameters))
+        if settings.settle_every and done % settings.settle_every == 0:
+            settle_all(parameters, settings, 1)
+        if done % len(targets) == 0 and converged(losses, len(targets), settings.stop_gain):
+            logger.info("the loss has stopped falling after %d steps", done)
+            break
+    return parameters, losses
+
+
+def converged(losses: list[float], epoch: int, gain: float) -> bool:
+    """Whether the last two passes over the views lowered the mean loss by less than a share `gain`."""
+    if gain <= 0 or len(losses) < 4 * epoch:
+        return False
+    before, after = (
+        float(np.mean(losses[k : k + 2 * epoch])) for k in (len(losses) - 4 * epoch, len(losses) - 2 * epoch)
+    )
+    return after > (1 - gain) * before
+
+
+def loss_weights(settings: Stage1Settings) -> LossWeights:
+    """The weights of the loss' terms."""
+    return LossWeights(
         dssim=settings.dssim_weight,
         alpha=settings.alpha_weight,
         edge=settings.edge_weight if settings.edge_loss else 0.0,
         normal=settings.normal_weight,
         distortion=settings.distortion_weight,
     )
-    averages, _ = average_targets(parameters.cloud, targets, options)
-    parameters.replace("channels", averages)
-    settle_all(parameters, settings, settings.settle_sweeps)
-    order: list[int] = []
-    for iteration in progress(range(settings.iterations), "stage1"):
-        if not order:
-            order = rng.permutation(len(targets)).tolist()
-        step = training_step(raster, parameters.cloud, targets[order.pop()], weights, options)
-        share = settings.final_rate ** (iteration / settings.iterations)
-        parameters.update(
-            step.gradients,
-            {
-                "centers": share * settings.position_rate,
-                "quaternions": share * settings.rotation_rate,
-                "scales": share * settings.scale_rate,
-                "opacities": share * settings.opacity_rate,
-                "channels": share * settings.color_rate,
-            },
-            threads,
-            shared=settings.shared_moment,
-        )
-        losses.append(step.loss)
-        if settings.settle_every and (iteration + 1) % settings.settle_every == 0:
-            settle_all(parameters, settings, 1)
-    return losses
+
+
+def rates(settings: Stage1Settings, iteration: int) -> dict[str, float]:
+    """Adam's rates at one step: they fall exponentially to `final_rate`."""
+    share = settings.final_rate ** (iteration / max(settings.iterations, 1))
+    return {
+        "centers": share * settings.position_rate,
+        "quaternions": share * settings.rotation_rate,
+        "scales": share * settings.scale_rate,
+        "opacities": share * settings.opacity_rate,
+        "channels": share * settings.color_rate,
+    }
+
+
+def footprint(targets: list[Target]) -> float:
+    """Size of a training pixel at the object's centre, unit frame."""
+    return float(np.median([t.camera.z_reference / t.camera.fx for t in targets]))
 
 
 def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int) -> None:
