@@ -133,3 +133,23 @@ def test_polyhedron_closes(kit, with_views):
     shape = occ.from_bytes(data)
     assert integrity(shape) == ()
     assert occ.volume(shape) == pytest.approx(known.volume, rel=0.25)
+
+
+def test_drawn_silhouettes_have_the_right_size(kit):
+    """Against the convex hull of the projected corners, pixel centre by pixel centre."""
+    from scipy.spatial import ConvexHull
+
+    corners = kit.box_corners(np.array([1.0, 0.8, 0.5]))
+    views = kit.make_views(corners)
+    silhouettes = make_silhouettes(views.alpha, views.cameras, 3, 200)
+    for view in range(3):
+        drawn = silhouettes.draw(view, corners)
+        pixels, _ = silhouettes.cameras.project(view, corners.reshape(-1, 3))
+        hull = ConvexHull(pixels)
+        rows, columns = np.indices(drawn.shape)
+        centres = np.column_stack([columns.ravel() + 0.5, rows.ravel() + 0.5])
+        inside = (centres @ hull.equations[:, :2].T + hull.equations[:, 2] <= 0).all(axis=1).reshape(drawn.shape)
+        assert not (inside & ~drawn).any()
+        assert drawn.sum() - inside.sum() < 0.35 * hull.area  # a sixth of a pixel along the outline
+    empty = silhouettes.empty(np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.95], [0.02, 0.12, 0.27]]))
+    assert empty.tolist() == [False, True, False]

@@ -10,7 +10,7 @@ from brepgaussian.brep.stage import build_brep
 from brepgaussian.errors import StageError
 from brepgaussian.settings.brep import BrepSettings
 
-SETTINGS = BrepSettings()
+SETTINGS = BrepSettings(refine=False)  # the silhouettes here are rough: binary, ten views of 200 px
 
 
 def test_block_with_hole(paths, kit):
@@ -65,6 +65,16 @@ def test_metres(paths, kit):
     files = paths(known, kit.make_views(kit.box_corners(np.array([1, 0.8, 0.5])), world, unit="m"))
     build_brep(**files, settings=SETTINGS)
     assert occ.volume(publish._read(files["out_step"])) == pytest.approx(known.volume * 500**3, rel=1e-6)
+
+
+def test_refinement_is_the_default_and_does_no_harm(paths, kit):
+    known = kit.block_with_hole(sigma=0.003, radius=0.0)
+    files = paths(known)
+    build_brep(**files, settings=BrepSettings())
+    brep = read_brep(files["out_h5"])
+    assert "refined" in brep.report
+    assert brep.report["silhouette_px"] is not None
+    assert brep.report["volume"] == pytest.approx(known.volume, rel=0.03)
 
 
 def test_flat_points_are_a_clear_error(paths, kit):

@@ -42,6 +42,8 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from brepgaussian.geometry.surfaces import Surface, plane
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -264,3 +266,16 @@ def normal_near(face: TopoDS_Face, position: Array) -> Array:
     a, b, c = corners[nearest]
     normal = np.cross(b - a, c - a)
     return normal / max(np.linalg.norm(normal), 1e-300)
+
+
+def planes(shape: TopoDS_Shape) -> list[Surface]:
+    """The planes of a polyhedron's faces, normals outwards, one a face (faces of one plane share the first)."""
+    tessellate(shape, 1.0, 1.0)
+    found: list[Surface] = []
+    for face in faces(shape):
+        nodes, corners = triangles(face)
+        a, b, c = np.moveaxis(nodes[corners], 1, 0)
+        normal = np.cross(b - a, c - a).sum(axis=0)
+        if np.linalg.norm(normal) > 0:
+            found.append(plane(nodes.mean(axis=0), normal))
+    return found

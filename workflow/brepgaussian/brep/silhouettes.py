@@ -64,17 +64,22 @@ class Silhouettes:
 
     def draw(self, view: int, corners: Array) -> NDArray[np.bool_]:
         """(H, W) silhouette of (T, 3, 3) triangles in one view."""
-        image = np.zeros(self.alpha.shape[1:], np.uint8)
+        height, width = self.alpha.shape[1:]
+        image = np.zeros((height * _FINE, width * _FINE), np.uint8)
         pixels, depth = self.cameras.project(view, corners.reshape(-1, 3))
         front = (depth.reshape(-1, 3) > 0).all(axis=1)
-        # OpenCV draws with pixel centres at integers and takes fixed-point coordinates
-        fixed = np.round((pixels.reshape(-1, 3, 2) - 0.5) * 2**_SHIFT).astype(np.int32)
+        # OpenCV draws with pixel centres at integers, takes fixed-point coordinates and paints every pixel
+        # that an outline touches: drawn finer and read at pixel centres, that is a sixth of a pixel
+        fixed = np.round((pixels.reshape(-1, 3, 2) * _FINE - 0.5) * 2**_SHIFT)
+        front &= (np.abs(fixed) < 2**30).all(axis=(1, 2))  # a point next to the camera overflows
+        fixed = fixed.astype(np.int32)
         for triangle in fixed[front]:
             cv2.fillConvexPoly(image, triangle, 1, lineType=cv2.LINE_8, shift=_SHIFT)
-        return image.astype(bool)
+        return image[_FINE // 2 :: _FINE, _FINE // 2 :: _FINE].astype(bool)
 
 
 _SHIFT = 6
+_FINE = 3  # odd, so that a fine pixel's centre is a pixel's centre
 
 
 def make_silhouettes(alpha: NDArray[np.uint8], cameras: Cameras, views: int, side: int) -> Silhouettes | None:
