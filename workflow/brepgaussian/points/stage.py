@@ -1,5 +1,6 @@
 """The `points` stage: surfels, masks and features to a labelled point cloud."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
 from brepgaussian.log import get_logger
 from brepgaussian.points import batchfit
+from brepgaussian.points.anchor import anchor_surfaces, follow
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples, densify
 from brepgaussian.points.features import label_by_features
@@ -23,6 +25,7 @@ from brepgaussian.points.graph import Graph, Index, neighbour_pairs, spacing_of,
 from brepgaussian.points.labels import Labelling, label_nodes
 from brepgaussian.points.merge import Nodes
 from brepgaussian.points.shading import gradients
+from brepgaussian.points.snap import snap
 from brepgaussian.points.votes import agreement, core, observe
 from brepgaussian.settings.points import PointsSettings
 
@@ -95,9 +98,19 @@ def make_points(
     surfaces = [
         surface_from_row(str(kind), row) for kind, row in zip(result.models.kinds, result.models.rows, strict=True)
     ]
-    curves = []
+    curves: list[Curve] = []
     if settings.curve_spacing > 0:
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
+    if curves and settings.snap_curves:
+        edges = read_masks(masks_path).edges
+        dense = samples.xyz
+        curves = snap(curves, surfaces, views.cameras, edges, dense, spacing)
+        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves)
+        samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
+        xyz = follow(xyz, result.labels, surfaces, anchored)
+        surfaces = anchored
+        curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
+        curves = snap(curves, surfaces, views.cameras, edges, dense, spacing)
     points = assemble(samples, label, curves, surfaces)
     points.write(out_path)
     return points

@@ -48,3 +48,4 @@ class PointsSettings:
         0.005, "Spacing of the points appended along the curves between patches; 0 = none.", unit="unit frame",
         minimum=0.0,
     )  # fmt: skip
+    snap_curves: bool = setting(True, "Move the curves onto the edges of the edge maps, where views agree.")

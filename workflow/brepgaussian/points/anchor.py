@@ -1,0 +1,68 @@
+"""Primitives drawn to the curves that the images show, and the points after them.
+
+Trained surfels lie off by several thousandths, smoothly, so a primitive of a thousand of them is no better;
+a snapped curve is. Points move with their primitive, so what they scatter about it stays as it was.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.geometry.fit_refine import refine
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.points.curves import Curve
+from brepgaussian.points.graph import Index
+
+Array = NDArray[np.float64]
+_NODE_SIGMA = 0.004  # unit frame; smooth error of surfels
+_NODES_WORTH = 30.0  # independent points that the nodes of a patch stand for, as their errors are correlated
+_CURVE_SIGMA = 0.0012  # unit frame; a third of a pixel at 800 px
+_CURVE_SHARE = 0.25  # of a curve's points that are independent
+_OUTLIER = 0.008  # unit frame; a curve point farther from the primitive hardly counts
+_ROUNDS = 3
+_MOST = 0.02  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve
+_LEAST_CURVE = 6  # points
+
+
+def anchor_surfaces(surfaces: list[Surface], xyz: Array, labels: Index, curves: list[Curve]) -> list[Surface]:
+    """Each primitive refitted to its nodes and, with much more weight, to the curves along its borders.
+
+    Args:
+        surfaces: primitive of each label.
+        xyz: (N, 3) nodes; labels: (N,) their labels.
+        curves: snapped to the images.
+    """
+    result = []
+    for k, surface in enumerate(surfaces):
+        members = xyz[labels == k]
+        rims = [c.points for c in curves if k in c.pair]
+        if not len(members) or sum(map(len, rims)) < _LEAST_CURVE:
+            result.append(surface)
+            continue
+        rim = np.concatenate(rims)
+        points = np.concatenate([members, rim])
+        base = np.concatenate(
+            [
+                np.full(len(members), min(_NODES_WORTH / len(members), 1.0) / _NODE_SIGMA**2),
+                np.full(len(rim), _CURVE_SHARE / _CURVE_SIGMA**2),
+            ]
+        )
+        found = surface
+        for _ in range(_ROUNDS):
+            distance = np.abs(found.signed_distance(points))
+            found = refine(found, points, base / (1 + (distance / _OUTLIER) ** 2) ** 2)
+        moved = np.abs(found.signed_distance(members) - surface.signed_distance(members))
+        same_way = (found.normals(members) * surface.normals(members)).sum(1) > 0
+        result.append(found if np.quantile(moved, 0.9) < _MOST and same_way.mean() > 0.9 else surface)
+    return result
+
+
+def follow(xyz: Array, labels: Index, before: list[Surface], after: list[Surface]) -> Array:
+    """(N, 3) points shifted by as much as their primitive moved under them."""
+    moved = xyz.copy()
+    for k, (old, new) in enumerate(zip(before, after, strict=True)):
+        here = np.flatnonzero(labels == k)
+        if old is new or not len(here):
+            continue
+        rise = np.clip(old.signed_distance(xyz[here]) - new.signed_distance(xyz[here]), -_MOST, _MOST)
+        moved[here] += rise[:, None] * new.normals(xyz[here])
+    return moved
