@@ -7,7 +7,7 @@
 * `refine`: least squares from a start, without normals.
 """
 
-from brepgaussian.geometry.fit_choose import Choice, choose, data_length, description_length, misfit, plausible
+from brepgaussian.geometry.fit_choose import Choice, choose, data_length, description_length, misfit, plausible, price
 from brepgaussian.geometry.fit_refine import PARAMETERS, abreast, distance_jacobian, moved, refine
 from brepgaussian.geometry.fit_robust import fit, fit_robust, inliers, oriented, ransac, residuals
 from brepgaussian.geometry.fit_start import MINIMUM, cone_about, cylinder_about, torus_about
@@ -30,6 +30,7 @@ __all__ = [
     "moved",
     "oriented",
     "plausible",
+    "price",
     "ransac",
     "refine",
     "residuals",

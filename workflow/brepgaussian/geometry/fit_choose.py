@@ -15,12 +15,14 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NORMAL_NOISE = np.radians(4.0)  # of surfels before averaging
-EFFECTIVE = 30  # independent observations in a patch: surfel error is smooth, so 1000 points are not 1000 facts
+EFFECTIVE = 20  # independent observations in a patch: surfel error is smooth, so 1000 points are not 1000 facts
 UNEXPLAINED = 1.15  # residuals of the best kind that count as noise of the patch: no kind gains by less
 KEPT = 0.9  # share of the points that judges a fit: wrong labels must not choose the kind
 # What a kind costs in parameters: its own number, more for the sphere, which mechanical parts seldom have
-# and which imitates any narrow band of a cone.
-PRICE = {**{k: float(v) for k, v in PARAMETERS.items()}, "sphere": 6.5}
+# and which imitates any narrow band of a cone, more for the torus, which imitates any bulging cylinder.
+PRICE = {**{k: float(v) for k, v in PARAMETERS.items()}, "sphere": 6.5, "torus": 9.0}
+SHALLOW = np.radians(6.0)  # a cone that near to a cylinder or a plane is a rare draft or dish
+SHALLOW_PRICE = 2.0  # parameters that it costs on top
 MIN_TORUS_RATIO = 0.25  # radii of a torus; below it is a sphere with a dent
 MAX_TORUS_RATIO = 100.0  # radii of a torus; beyond it the data cannot tell it from a cylinder
 _SMALL = 1e-12
@@ -124,9 +126,15 @@ def description_length(
     the number of points, at most `effective`; k the `PRICE` of the kind.
     """
     count = min(len(points), effective)
-    return data_length(surface, points, normals, sigma, normal_sigma, count) + PRICE[surface.kind] * float(
+    return data_length(surface, points, normals, sigma, normal_sigma, count) + price(surface) * float(
         np.log(max(count, 2))
     )
+
+
+def price(surface: Surface) -> float:
+    """What a surface costs in parameters: `PRICE`, more for a cone that is nearly a cylinder or a plane."""
+    shallow = surface.kind == "cone" and not SHALLOW < surface.angle < np.pi / 2 - SHALLOW
+    return PRICE[surface.kind] + (SHALLOW_PRICE if shallow else 0.0)
 
 
 def data_length(

@@ -7,7 +7,7 @@ reconstructed patches free fits wander off into tori, guided ones stay with the 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from brepgaussian.geometry.fit import (
     plausible,
     torus_about,
 )
-from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE, UNEXPLAINED
+from brepgaussian.geometry.fit_choose import EFFECTIVE, UNEXPLAINED, price
 from brepgaussian.geometry.fit_refine import PARAMETERS
 from brepgaussian.geometry.surfaces import Surface, plane, sphere
 from brepgaussian.log import get_logger
@@ -37,20 +37,23 @@ log = get_logger("primitives")
 SURE = 1.5  # noises: a patch that fits worse gives no direction
 SURE_TILT = np.radians(1.5)  # nor one that knows its direction worse
 MOST = 12  # directions and axes tried
+SAME_RADIUS = 2.0  # noises between radii that are one
 SAME_AXIS = 3.0  # noises between axes that are one
 FACING = np.radians(20.0)  # largest angle of a patch's mean normal from a direction that its plane may have
 ACROSS = np.radians(30.0)  # largest median angle of normals from the plane across a cylinder's direction
 # Free parameters of what may be tried, and the columns of the local parameters that they are.
 ALONG = {"cylinder": (0, 1, 4), "cone": (0, 1, 4, 5)}
+SIBLING = (0, 1)  # a cylinder of known radius and direction, as the holes of a bolt circle
 ABOUT = {"cylinder": (4,), "cone": (4, 5), "torus": (2, 5, 6), "sphere": (3,)}
 
 
 @dataclass(frozen=True)
 class Known:
-    """Directions (unit vectors) and axes (surfaces of revolution) that are well known, best first."""
+    """Directions (unit vectors), axes (surfaces of revolution) and cylinders that are well known, best first."""
 
     directions: list[Array]
     axes: list[Surface]
+    cylinders: list[Surface]
 
 
 def known(patches: list[Patch], state: State) -> Known:
@@ -75,7 +78,18 @@ def known(patches: list[Patch], state: State) -> Known:
             abs(float(a.axis @ surface.axis)) < limit or axis_gap(a, surface) > SAME_AXIS * noise.distance for a in axes
         ):
             axes.append(surface)
-    return Known(directions[:MOST], axes[:MOST])
+    cylinders: list[Surface] = []
+    for surface in (patches[i].surface for i in sure if patches[i].surface.kind == "cylinder"):
+        if all(_unlike(surface, other, noise) for other in cylinders):
+            cylinders.append(surface)
+    return Known(directions[:MOST], axes[:MOST], cylinders[:MOST])
+
+
+def _unlike(first: Surface, second: Surface, noise: Noise) -> bool:
+    """Whether two cylinders differ in radius, side or direction."""
+    parallel = abs(float(first.axis @ second.axis)) > np.cos(SURE_TILT)
+    near = abs(first.radius - second.radius) < SAME_RADIUS * noise.distance
+    return not (parallel and near and first.flipped == second.flipped)
 
 
 def guide(
@@ -99,7 +113,7 @@ def guide(
 def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> Surface:
     some = thinned(patch.members, settings.sample)
     points, normals = cloud.xyz[some], cloud.normals[some]
-    candidates = [(patch.surface, PRICE[patch.surface.kind], 1)]
+    candidates = [(patch.surface, price(patch.surface), 1)]
     for start, free, choices in _starts(points, normals, sources):
         if start.kind not in settings.kinds:
             continue
@@ -109,7 +123,7 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
             continue
         start = oriented(start, points, normals)
         if plausible(start, points, settings.largest_radius):
-            rarity = PRICE[start.kind] - PARAMETERS[start.kind]  # as in a free choice
+            rarity = price(start) - PARAMETERS[start.kind]  # as in a free choice
             candidates.append((start, len(free) + rarity, choices))
     misfits = np.array([misfit(s, points, normals) for s, _, _ in candidates])
     floor = np.maximum([noise.distance, noise.turn], UNEXPLAINED * misfits.min(axis=0))
@@ -144,6 +158,10 @@ def _starts(points: Array, normals: Array, sources: Known) -> Iterator[tuple[Sur
             start = cone_about(direction, points, normals, share)
             if start is not None:
                 yield start, ALONG["cone"], number
+    for sibling in sources.cylinders:
+        start = cylinder_about(sibling.axis, points, normals, share)
+        if start is not None and start.flipped == sibling.flipped and 0.5 < start.radius / sibling.radius < 2:
+            yield replace(start, radius=sibling.radius), SIBLING, len(sources.cylinders)
     for axis in sources.axes:
         yield from _about(axis, points, normals, share, len(sources.axes))
 
