@@ -27,6 +27,7 @@ _WINDOWS = ((12.0, 6.0), (6.0, 4.0), (3.0, 3.0), (2.0, 2.0))
 _MOST_LAST = 3
 _WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
+_IOU_SLACK = 1e-3  # loss of IoU that no better edge makes up for
 _TWIN = 1e-6  # distance within which two surfaces are the same
 _PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
@@ -132,7 +133,7 @@ def refine(
     )
     run, _ = _descend(run, ties, _WINDOWS[-1:], freed)
     after = run.test(settings)
-    kept = not _worse(after, before)
+    kept = _better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
         "kept": kept,
@@ -225,13 +226,13 @@ def _with_twins(structure: Structure, before: Sequence[Surface], run: _Run) -> t
     return tuple(result)
 
 
-def _worse(after: Acceptance, before: Acceptance) -> bool:
-    """Whether the test likes the start better: a lost acceptance, or both figures worse."""
+def _better(after: Acceptance, before: Acceptance) -> bool:
+    """Whether the test likes the result better than the start."""
     if before.accepted != after.accepted:
-        return before.accepted
-    if not np.isfinite(after.silhouette_px) or not np.isfinite(before.silhouette_px):
-        return after.mask_iou < before.mask_iou
-    return after.silhouette_px > before.silhouette_px and after.mask_iou < before.mask_iou
+        return after.accepted
+    if after.mask_iou < before.mask_iou - _IOU_SLACK:
+        return False
+    return after.mask_iou > before.mask_iou or after.silhouette_px < before.silhouette_px  # NaN compares false
 
 
 def _largest_move(before: FaceMesh, after: FaceMesh) -> float:

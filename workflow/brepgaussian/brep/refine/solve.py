@@ -167,8 +167,9 @@ class _Problem:
         pairs, inverse = np.unique(rays.table, axis=0, return_inverse=True)
         self._blocks: list[tuple[NDArray, NDArray, Array]] = []  # rows, columns, derivatives
         order = np.argsort(inverse.reshape(-1), kind="stable")
-        ends = np.cumsum(np.bincount(inverse.reshape(-1), minlength=len(pairs)))
-        for pair, low, high in zip(pairs, np.concatenate([[0], ends[:-1]]), ends, strict=True):
+        count = np.bincount(inverse.reshape(-1), minlength=len(pairs))
+        ends = np.cumsum(count)
+        for pair, low, high in zip(pairs, ends - count, ends, strict=True):
             rows = order[low:high]
             columns, parts = [], []
             for k, index in enumerate(pair):

@@ -1,0 +1,94 @@
+"""Relations: found where they hold, kept by their rows, tangency to first order."""
+
+import numpy as np
+import pytest
+from brepgaussian.brep.refine.constraints import Tie, Tolerances, detect, tangent_rows, tie_rows, value
+from brepgaussian.brep.refine.parameters import COUNT, update
+from brepgaussian.brep.structure import extract
+from refine_support import perturbed, surfaces_of, unit_solid
+
+build123d = pytest.importorskip("build123d")
+
+
+def tolerances(surfaces, sigma=1e-9, **limits):
+    start = np.concatenate([[0], np.cumsum([COUNT[s.kind] for s in surfaces])])
+    fixed = {"angle": 1e-3, "cone_angle": 2e-3, "length": 2e-4, "most_angle": 0.02, "most_length": 2e-3, "trust": 10.0}
+    return Tolerances(**(fixed | limits), covariance=sigma**2 * np.eye(start[-1]), start=start)
+
+
+@pytest.fixture(scope="module")
+def filleted():
+    """A box with one rounded edge and two bores of one size."""
+    b = build123d
+    box = b.Solid.make_box(1, 0.8, 0.5)
+    edge = box.edges().filter_by(b.Axis.Z).sort_by(b.Axis.X)[-1]
+    body = (
+        box.fillet(0.2, [edge])
+        - b.Pos(0.3, 0.3, 0.25) * b.Cylinder(0.1, 1)
+        - b.Pos(0.3, 0.6, 0.25) * b.Cylinder(0.1, 1)
+    )
+    solid = unit_solid(body)
+    surfaces = surfaces_of(solid)
+    return extract(solid, surfaces), surfaces
+
+
+def test_relations_of_an_exact_solid_are_found(filleted):
+    structure, surfaces = filleted
+    ties = detect(structure, surfaces, tolerances(surfaces))
+    kinds = [t.kind for t in ties]
+    assert kinds.count("parallel") == 2 + 1 + 3  # two pairs of sides, the two ends, three cylinders to these
+    assert kinds.count("perpendicular") == 3
+    assert kinds.count("equal_radius") == 1
+    assert all(np.abs(value(t, surfaces)).max() < 1e-12 for t in ties)
+
+
+def test_relations_far_off_are_not_found(filleted):
+    structure, surfaces = filleted
+    moved = perturbed(surfaces, 1, 1.0, 0.01)
+    found, true = (detect(structure, x, tolerances(x)) for x in (moved, surfaces))
+    assert len(found) < len(true) / 3  # by chance
+    assert all(np.abs(value(t, moved)).max() <= 1e-3 for t in found)
+
+
+def test_what_is_hardly_known_is_tied_within_limits(filleted):
+    structure, surfaces = filleted
+    moved = perturbed(surfaces, 1, 0.2, 1e-4)
+    assert len(detect(structure, moved, tolerances(moved, sigma=0.01))) > len(
+        detect(structure, moved, tolerances(moved))
+    )
+    far = perturbed(surfaces, 1, 5.0, 0.05)
+    assert all(np.abs(value(t, far)).max() <= 0.02 for t in detect(structure, far, tolerances(far, sigma=0.1)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rows_restore_relations_and_tangency(filleted, seed):
+    structure, surfaces = filleted
+    ties = detect(structure, surfaces, tolerances(surfaces))
+    now = list(perturbed(surfaces, seed, 0.3, 0.002))
+    start = np.concatenate([[0], np.cumsum([COUNT[s.kind] for s in surfaces])])
+    for _ in range(6):
+        rows = [*tie_rows(ties, now), *tangent_rows(structure, now)]
+        matrix, right = np.zeros((len(rows), start[-1])), np.zeros(len(rows))
+        for i, (columns, off) in enumerate(rows):
+            for index, slope in columns.items():
+                matrix[i, start[index] : start[index + 1]] += slope
+            right[i] = -off
+        delta = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
+        now = [update(s, delta[a:b]) for s, a, b in zip(now, start[:-1], start[1:], strict=True)]
+    assert max(np.abs(value(t, now)).max() for t in ties) < 1e-9
+    fillet = next(s for s in now if s.kind == "cylinder" and not s.flipped)
+    sides = [s for s in now if s.kind == "plane" and abs(s.axis @ fillet.axis) < 0.1]
+    gaps = sorted(abs(abs(s.signed_distance(fillet.origin[None])[0]) - fillet.radius) for s in sides)
+    assert gaps[1] < 1e-9  # the two sides that the fillet joins
+
+
+def test_a_circle_that_touches_planes_is_found():
+    from refine_support import nut_solid
+
+    solid, surfaces = nut_solid()
+    structure = extract(solid, surfaces)
+    ties = detect(structure, surfaces, tolerances(surfaces))
+    assert {t.members for t in ties if t.kind == "inscribed"} == {(8, 7, k) for k in range(6)}
+    wide = list(surfaces)
+    wide[0] = update(wide[0], np.array([0, 0, 0.001]))
+    assert value(Tie("inscribed", (8, 7, 0)), wide)[0] == pytest.approx(-0.001, abs=1e-12)
