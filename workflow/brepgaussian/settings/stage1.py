@@ -20,6 +20,12 @@ class Stage1Settings:
     iterations: int = setting(600, "Training steps of the fast recipe, one view each.", minimum=0)
     paper_iterations: int = setting(30000, "Training steps of the paper recipe.", minimum=1)
     surfels: int = setting(8000, "Surfels that the hull is covered with.", minimum=100, maximum=200000)
+    coverage: float = setting(
+        0.7,
+        "Standard deviation of a surfel at the start; too small lets the back shine through.",
+        unit="spacings",
+        minimum=0.1,
+    )
     hull_resolution: int = setting(160, "Voxels along each side of the hull's grid.", minimum=16, maximum=400)
     concavities: bool = setting(
         True, "Open the pockets and holes that views show although no silhouette does, before the surfels start."
@@ -41,11 +47,14 @@ class Stage1Settings:
     )
     single_stage: bool = setting(False, "Ablation: train the patch features together with the geometry.")
     low_pass_px: float = setting(
-        0.3, "Standard deviation of the screen-space filter (2DGS: 0.71); 0 = none.", unit="px", minimum=0.0
+        0.0,
+        "Standard deviation of the screen-space filter (2DGS: 0.71); 0 = none: it pushes surfels inwards.",
+        unit="px",
+        minimum=0.0,
     )
     position_rate: float = setting(0.0003, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
     rotation_rate: float = setting(0.0005, "Adam's rate for quaternions.", minimum=0.0)
-    scale_rate: float = setting(0.003, "Adam's rate for log scales.", minimum=0.0)
+    scale_rate: float = setting(0.005, "Adam's rate for log scales.", minimum=0.0)
     opacity_rate: float = setting(0.03, "Adam's rate for opacity logits.", minimum=0.0)
     color_rate: float = setting(0.005, "Adam's rate for colours and edge values.", minimum=0.0)
     final_rate: float = setting(0.1, "Rates at the end as a share of those at the start.", minimum=0.0, maximum=1.0)
@@ -56,7 +65,7 @@ class Stage1Settings:
     settle_every: int = setting(100, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
     settle_below: float = setting(
         0.9,
-        "Weight of neighbours below the fitted surface, hulls being too large (0.5: symmetric).",
+        "Weight of neighbours below the fitted surface before training, hulls being too large (0.5: symmetric).",
         minimum=0.5,
         maximum=1.0,
     )

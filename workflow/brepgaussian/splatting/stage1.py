@@ -23,8 +23,8 @@ from brepgaussian.splatting.settle import settle
 from brepgaussian.splatting.targets import Target, is_grey, make_targets
 
 START_OPACITY = 0.9
+SYMMETRIC = 0.5  # once the images pull, the prior smooths without taking sides
 SMALLEST_PX = 0.5  # surfels of less than this standard deviation are not split: no pixel could tell the halves apart
-SCALE_PER_SPACING = 0.9  # disks of this size leave no gaps between the darts, at grazing views neither
 
 logger = get_logger("stage1")
 
@@ -96,7 +96,7 @@ def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
     cloud = Cloud(
         centers=points.astype(np.float32),
         quaternions=quaternions_of(normals),
-        scales=np.full((count, 2), SCALE_PER_SPACING * spacing, np.float32),
+        scales=np.full((count, 2), settings.coverage * spacing, np.float32),
         opacities=np.full(count, START_OPACITY, np.float32),
         channels=np.full((count, channels), 0.5, np.float32),
     )
@@ -113,7 +113,7 @@ def optimise(
     options = RenderOptions(low_pass_px=settings.low_pass_px, threads=threads)
     weights = loss_weights(settings)
     parameters.replace("channels", average_targets(parameters.cloud, targets, options)[0])
-    settle_all(parameters, settings, settings.settle_sweeps)
+    settle_all(parameters, settings, settings.settle_sweeps, settings.settle_below)
     statistics, smallest = Statistics(len(parameters)), SMALLEST_PX * footprint(targets)
     order: list[int] = []
     for iteration in progress(range(settings.iterations), "stage1"):
@@ -129,7 +129,7 @@ def optimise(
             parameters = densify(parameters, statistics, settings.densify_share, smallest, limit)
             statistics = Statistics(len(parameters))
         if settings.settle_every and done % settings.settle_every == 0:
-            settle_all(parameters, settings, 1)
+            settle_all(parameters, settings, 1, SYMMETRIC)
         if done % len(targets) == 0 and converged(losses, len(targets), settings.stop_gain):
             logger.info("the loss has stopped falling after %d steps", done)
             break
@@ -174,7 +174,7 @@ def footprint(targets: list[Target]) -> float:
     return float(np.median([t.camera.z_reference / t.camera.fx for t in targets]))
 
 
-def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int) -> None:
+def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int, below: float) -> None:
     """Apply the prior for machined parts to all surfels, in place."""
     if sweeps == 0:
         return
@@ -184,7 +184,7 @@ def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int) ->
         before,
         cloud.channels[:, :-1],
         sweeps=sweeps,
-        below=settings.settle_below,
+        below=below,
         color_scale=settings.settle_color,
         angle_scale_deg=settings.settle_angle_deg,
     )
