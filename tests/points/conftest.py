@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brepgaussian.artifacts.base import Provenance
+from brepgaussian.artifacts.masks import Masks
 from brepgaussian.artifacts.stage1 import Evidence, Surfels
 from brepgaussian.artifacts.stage2 import Stage2
 from brepgaussian.artifacts.views import Views
 from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.points import simulate
 
 
 @pytest.fixture(scope="session")
@@ -63,6 +65,8 @@ def write_case(tmp_path: Path) -> Callable[..., dict]:
         alpha = np.where(patches > 0, 255, 0).astype(np.uint8)
         provenance = Provenance("case")
         Views("case", names, rgb, alpha, cameras, np.eye(4)).write(tmp_path / "views.h5", provenance)
+        noise = np.zeros(len(patches), np.float32)
+        Masks(simulate.edges(patches), patches.astype(np.int16), noise).write(tmp_path / "masks.h5", provenance)
         surfels.write(tmp_path / "stage1.ply")
         Evidence().write(tmp_path / "stage1.h5", provenance)
         if features is None:

@@ -75,6 +75,23 @@ def test_all_masks_wrong_still_separates_by_geometry(write_case, cameras, box_im
     assert make_points(**files, settings=PointsSettings()).label.max() == 5
 
 
+def test_a_biased_side_is_drawn_to_the_images(write_case, look_at, box_hit):
+    """One side lies .008 inside, as trained surfels may; the edges of the images bring it back."""
+    cameras = look_at(20, 400)
+    faces = np.stack([box_hit(cameras, v, LOW, HIGH) for v in range(len(cameras))])
+    points, normals, face = box(np.random.default_rng(31), count=4500, sigma=0.001)
+    points[face == 5, 2] -= 0.008
+    files = write_case(surfels_of(points, normals), faces + 1, np.where(faces >= 0, GREY[faces], 0), cameras)
+    off = {}
+    for snap in (False, True):
+        result = make_points(**files, settings=PointsSettings(snap_curves=snap))
+        top = result.label == np.bincount(result.label[:4500][face == 5] + 1).argmax() - 1
+        plain = top & (result.curve < 0)
+        off[snap] = abs(np.median(result.xyz[plain, 2]) - HIGH[2])
+    assert off[False] > 0.006
+    assert off[True] < 0.003
+
+
 def test_same_bytes_again(write_case, cameras, box_images):
     points, normals, _ = box(np.random.default_rng(24), count=1500)
     files = write_case(surfels_of(points, normals), *box_images, cameras)

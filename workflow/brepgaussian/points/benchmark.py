@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from brepgaussian.artifacts.base import Provenance
+from brepgaussian.artifacts.masks import Masks
 from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.stage1 import Evidence
 from brepgaussian.artifacts.stage2 import Stage2
@@ -78,11 +79,13 @@ def benchmark_simulated(
         with tempfile.TemporaryDirectory() as folder:
             where = Path(folder)
             provenance = Provenance(views.object_name)
+            quiet = np.zeros(len(patches), np.float32)
+            Masks(simulate.edges(patches), patches, quiet).write(where / "masks.h5", provenance)
             surfels.write(where / "stage1.ply")
             Evidence().write(where / "stage1.h5", provenance)
             Stage2(np.ones((len(surfels.centers), 1), np.float32), patches).write(where / "stage2.h5", provenance)
             points = make_points(
-                views_path, where / "unused.h5", where / "stage1.ply", where / "stage1.h5", where / "stage2.h5",
+                views_path, where / "masks.h5", where / "stage1.ply", where / "stage1.h5", where / "stage2.h5",
                 where / "points.ply", settings, threads,
             )  # fmt: skip
         head = {"object": views.object_name, "group": group, "noise": noise, "patches": "simulated"}

@@ -22,6 +22,12 @@ _MOST_ROUNDS = 60
 _GOOD = 0.5  # of the tolerance; a primitive that fits as well needs no rival
 
 
+UNEXPLAINED = 5.0  # cost of a part that no primitive explains
+_SURE_VIEWS, _SURE_SHARE = 10.0, 0.95  # votes of a border, and their share for one region, that suffice alone
+_NOT_FAR = 4.0  # ratio beyond which even failed geometry speaks against
+_LAST = 0.95  # ratio of such a merge: after all that the primitives ask for
+
+
 @dataclass(frozen=True)
 class Nodes:
     """What fits need of the nodes.
@@ -206,8 +212,11 @@ class Merger:
             todo = todo[ratio[todo] > _GOOD]
             if not len(todo):
                 break
-        for pair, value in zip(pairs, ratio.tolist(), strict=True):
-            pair.ratio = value
+        for pair, value, (a, b) in zip(pairs, ratio.tolist(), keys, strict=True):
+            lost = min(self.own[a], self.own[b]) > UNEXPLAINED
+            one_region = pair.both >= _SURE_VIEWS and pair.same >= _SURE_SHARE * pair.both
+            # where geometry failed (walls of narrow bores), the images alone decide
+            pair.ratio = min(value, _LAST) if lost and one_region and value < _NOT_FAR else value
 
     def _mutual_best(self) -> list[tuple[int, int]]:
         best: dict[int, tuple[float, tuple[int, int]]] = {}

@@ -73,6 +73,19 @@ def masks(
     return np.stack([_corrupted(ids, levels, step, split, rng) for ids, levels in zip(face_ids, grey, strict=True)])
 
 
+def edges(patches: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """(V, H, W) edge maps: the pixels on both sides of every border of regions, 255, so that they centre on it."""
+    found = np.zeros(patches.shape, np.uint8)
+    for axis in (1, 2):
+        here = [slice(None)] * 3
+        after = [slice(None)] * 3
+        here[axis], after[axis] = slice(None, -1), slice(1, None)
+        border = patches[tuple(here)] != patches[tuple(after)]
+        found[tuple(here)][border] = 255
+        found[tuple(after)][border] = 255
+    return found
+
+
 def _corrupted(
     ids: NDArray[np.int16], grey: NDArray[np.floating], step: float, split: float, rng: np.random.Generator
 ) -> NDArray[np.int16]:
