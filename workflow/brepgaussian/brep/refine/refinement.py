@@ -14,6 +14,7 @@ from brepgaussian.brep.refine.constraints import Row, Tie, Tolerances, detect, t
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.parameters import recentre
+from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, Step, residuals, step
 from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, masks_iou
 from brepgaussian.brep.structure import Structure
@@ -106,6 +107,8 @@ def refine(
 ) -> RefineResult:
     """Refine all surfaces of a solid together, its topology kept.
 
+    If the images refuse the result, faces at bad edges are tried as pieces of their neighbours' surfaces.
+
     Args:
         structure: edges, faces and vertices of the solid by surface (`brep.structure.extract`).
         mesh: triangulation of the same solid (`mesh.from_solid`).
@@ -116,6 +119,33 @@ def refine(
     Returns:
         The refined surfaces with the acceptance test; never worse than the start by that test.
     """
+    first = _refine(structure, mesh, surfaces, views, settings)
+    if first.accepted:
+        return first
+    limit = settings.accept_silhouette_px
+    merges = doubtful_merges(first.structure, first.mesh, first.surfaces, first.acceptance, limit)
+    if not merges:
+        return first
+    merged = move_structure(merge(structure, merges), surfaces)
+    second = _refine(merged, follow(mesh, merged, surfaces), surfaces, views, settings)
+    if not second.accepted and not (second.silhouette_px < first.silhouette_px and second.mask_iou > first.mask_iou):
+        return first
+    result = list(second.surfaces)
+    for index, other in merges.items():
+        result[index] = result[other]
+    report = second.report | {
+        "kept": True,
+        "merged": [[int(a), int(b)] for a, b in merges.items()],
+        "silhouette_px_before": first.report["silhouette_px_before"],
+        "mask_iou_before": first.report["mask_iou_before"],
+    }
+    return replace(second, surfaces=tuple(result), before=first.before, report=report)
+
+
+def _refine(
+    structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface], views: Views, settings: BrepSettings
+) -> RefineResult:
+    """The refinement of one structure."""
     clock = time.perf_counter()
     anchored = tuple(_anchored(structure, mesh, surfaces))
     prior = Prior(anchored, np.radians(settings.refine_angle_deg), settings.refine_length)
