@@ -83,6 +83,23 @@ def test_ablations_run(folder: Path) -> None:
     stage2(folder, "pairs", replace(FEATURES, loss="pairwise", epochs=2))
 
 
+def test_single_stage_hands_its_features_to_stage2(folder: Path) -> None:
+    views, masks = folder / "views.h5", folder / "masks.h5"
+    out = folder / "joint" / "stage1.ply", folder / "joint" / "stage1.h5"
+    train_stage1(views, masks, *out, replace(FAST, single_stage=True, iterations=60))
+    train_stage2(views, masks, out[0], folder / "joint" / "stage2.h5", FEATURES)
+    features = read_stage2(folder / "joint" / "stage2.h5").features
+    assert features.shape == (len(read_surfels(out[0]).centers), 16)
+    np.testing.assert_array_equal(features, read_evidence(out[1]).features)
+
+
+def test_the_papers_recipe_starts_at_random_and_learns(folder: Path) -> None:
+    stage1(folder, "paper", replace(FAST, recipe="paper", paper_iterations=60, surfels=500))
+    losses = read_evidence(folder / "paper.h5").losses
+    assert len(losses) == 60
+    assert losses[-16:].mean() < 0.95 * losses[:16].mean()  # its rates are made for 30,000 steps
+
+
 def test_features_separate_the_patches(folder: Path) -> None:
     surfels, result = read_surfels(folder / "stage1.ply"), read_stage2(folder / "stage2.h5")
     np.testing.assert_allclose(np.linalg.norm(result.features, axis=1), 1, atol=1e-5)

@@ -114,6 +114,8 @@ class Evidence:
         unobserved: (U, 3) float32 surface samples that fewer than two views see.
         hull_vertices: (K, 3) float32 and hull_triangles (T, 3) int32: the visual hull.
         losses: (I,) float32 total loss per logged iteration.
+        features: (N, D) float32 patch features trained together with the geometry (the ablation without
+            two stages), else (0, 0).
     """
 
     edge_points: NDArray[np.float32] = field(default_factory=lambda: _empty(0, 3))
@@ -125,6 +127,7 @@ class Evidence:
     hull_vertices: NDArray[np.float32] = field(default_factory=lambda: _empty(0, 3))
     hull_triangles: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 3), np.int32))
     losses: NDArray[np.float32] = field(default_factory=lambda: _empty(0))
+    features: NDArray[np.float32] = field(default_factory=lambda: _empty(0, 0))
 
     def write(self, path: str | Path, provenance: Provenance) -> None:
         """Write `stage1.h5`."""
@@ -132,6 +135,8 @@ class Evidence:
             for name, (axes, unit) in _EVIDENCE.items():
                 put(file, name, getattr(self, name), axes=axes, unit=unit)
 
+
+_LATER = ("features",)  # files of the same version may lack these
 
 _EVIDENCE = {
     "edge_points": ("point,xyz", "unit frame"),
@@ -143,10 +148,11 @@ _EVIDENCE = {
     "hull_vertices": ("vertex,xyz", "unit frame"),
     "hull_triangles": ("triangle,3", ""),
     "losses": ("iteration", ""),
+    "features": ("surfel,feature", ""),
 }
 
 
 def read_evidence(path: str | Path) -> Evidence:
     """Read `stage1.h5`."""
     with open_h5(path, KIND) as file:
-        return Evidence(**{name: file[name][...] for name in _EVIDENCE})
+        return Evidence(**{name: file[name][...] for name in _EVIDENCE if name in file or name not in _LATER})

@@ -45,7 +45,11 @@ class Stage1Settings:
     stop_gain: float = setting(
         0.01, "Stop when two passes over the views lower the loss by less than this share; 0 = never.", minimum=0.0
     )
+    opacity_reset_every: int = setting(
+        0, "Training steps between two lowerings of all opacities (3DGS: 3000); 0 = never.", minimum=0
+    )
     single_stage: bool = setting(False, "Ablation: train the patch features together with the geometry.")
+    joint_weight: float = setting(0.1, "Weight of L_tri when it is trained with the geometry.", minimum=0.0)
     low_pass_px: float = setting(
         0.0,
         "Standard deviation of the screen-space filter (2DGS: 0.71); 0 = none: it pushes surfels inwards.",

@@ -1,12 +1,13 @@
 """How good surfels are: distance to the true surface, normals, completeness, concave faces."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.artifacts.stage1 import Surfels
-from brepgaussian.artifacts.truth import Truth
+from brepgaussian.artifacts.stage1 import Evidence, Surfels, read_evidence, read_surfels
+from brepgaussian.artifacts.truth import Truth, read_truth
 
 MIN_OPACITY = 0.05  # fainter surfels are no surface
 CONCAVE_RECALL = 0.01  # a concave sample is found when a surfel lies this near, unit frame
@@ -97,3 +98,38 @@ def concave_samples(truth: Truth, depth: float = 0.01) -> NDArray[np.bool_]:
     faces = np.unique(truth.point_face)
     deep = {face: np.median(inside[truth.point_face == face]) > depth for face in faces}
     return np.array([deep[face] for face in truth.point_face], bool)
+
+
+COLUMNS = (
+    "object method mean p95 normal_median_deg completeness_p95 concave_mean concave_recall edge_median "
+    "inner_edge_recall seconds peak_mb"
+).split()
+INNER_EDGE_DISTANCE = 0.005  # an inner edge sample is recalled when an edge point lies this near, unit frame
+
+
+def edge_quality(evidence: Evidence, truth: Truth) -> tuple[float | None, float | None]:
+    """Median distance of 3D edge points to the true sharp curves, and recall of those off the convex hull."""
+    from scipy.spatial import ConvexHull, cKDTree
+
+    if len(evidence.edge_points) == 0 or len(truth.curve_points) == 0:
+        return None, None
+    distance = cKDTree(truth.curve_points).query(evidence.edge_points)[0]
+    hull = ConvexHull(truth.mesh_vertices)
+    depth = -(truth.curve_points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    inner = truth.curve_points[depth > INNER_EDGE_DISTANCE]
+    if len(inner) == 0:
+        return float(np.median(distance)), None
+    found = cKDTree(evidence.edge_points).query(inner)[0]
+    return float(np.median(distance)), float((found < INNER_EDGE_DISTANCE).mean())
+
+
+def evaluate_stage1(
+    stage1_ply: str | Path, stage1_h5: str | Path, truth_path: str | Path, method: str, seconds: float, peak_mb: float
+) -> dict[str, object]:
+    """One row of `results/benchmark/stage1.csv`."""
+    truth, name = read_truth(truth_path), Path(stage1_ply).parent.name
+    quality = evaluate_surfels(read_surfels(stage1_ply), truth)
+    edge_median, inner_recall = edge_quality(read_evidence(stage1_h5), truth)
+    values = {**vars(quality), "object": name, "method": method, "edge_median": edge_median}
+    values |= {"inner_edge_recall": inner_recall, "seconds": seconds, "peak_mb": peak_mb}
+    return {column: values[column] for column in COLUMNS}

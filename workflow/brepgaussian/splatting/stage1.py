@@ -1,6 +1,7 @@
 """Stage 1: geometry and edges. Surfels on the visual hull, trained by 2D Gaussian Splatting."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +15,19 @@ from brepgaussian.log import get_logger, progress
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.splatting.camera import RenderOptions
-from brepgaussian.splatting.densify import Statistics, densify
-from brepgaussian.splatting.engine import LossWeights, average_targets, training_step
+from brepgaussian.splatting.contrastive import normalised
+from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
+from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
 from brepgaussian.splatting.hull import Hull, carve, spread
-from brepgaussian.splatting.library import Cloud, Raster
+from brepgaussian.splatting.joint import JointFeatures
+from brepgaussian.splatting.library import Cloud, Floats, Raster
 from brepgaussian.splatting.parameters import Parameters, quaternions_of, turned
+from brepgaussian.splatting.recipes import effective, random_start
 from brepgaussian.splatting.settle import settle
-from brepgaussian.splatting.targets import Target, is_grey, make_targets
+from brepgaussian.splatting.targets import Target, is_grey, make_targets, training_scale
 
 START_OPACITY = 0.9
+RESET_OPACITY = 0.01  # 3DGS
 SYMMETRIC = 0.5  # once the images pull, the prior smooths without taking sides
 SMALLEST_PX = 0.5  # surfels of less than this standard deviation are not split: no pixel could tell the halves apart
 
@@ -66,12 +71,15 @@ def train_stage1(
             fix="rerun the masks stage",
         )
     logger.info("settings: %s", settings)
-    surfels, hull, losses = run(views, masks, settings, threads)
+    settings = effective(settings)
+    trained = run(views, masks, settings, threads)
+    surfels = trained.parameters.surfels()
     evidence = Evidence(
-        hull_vertices=hull.vertices.astype(np.float32),
-        hull_triangles=hull.triangles.astype(np.int32),
+        hull_vertices=trained.hull.vertices.astype(np.float32),
+        hull_triangles=trained.hull.triangles.astype(np.int32),
         face_id=np.full(len(surfels.centers), -1, np.int32),
-        losses=np.array(losses, np.float32),
+        losses=np.array(trained.losses, np.float32),
+        features=trained.features,
     )
     for step in EVIDENCE_STEPS:
         surfels, evidence = step(views, masks, surfels, evidence, settings, threads)
@@ -79,14 +87,29 @@ def train_stage1(
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
 
 
-def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> tuple[Surfels, Hull, list[float]]:
-    """Hull, start, training: the stage without its files."""
+@dataclass(frozen=True)
+class Trained:
+    """Stage 1 without its files; `features` (N, D) is empty unless they were trained along."""
+
+    parameters: Parameters
+    hull: Hull
+    losses: list[float]
+    features: Floats
+
+
+def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> Trained:
+    """Hull, start, training."""
     noise = float(np.median(masks.noise))
     hull = carve(views, settings.hull_resolution, threads, settings.concavities, noise)
-    parameters = start(views, hull, settings)
+    parameters = start(views, hull, settings) if settings.recipe == "fast" else random_start(views, settings)
     targets = make_targets(views, masks, settings.image_size)
-    parameters, losses = optimise(parameters, targets, settings, threads)
-    return parameters.surfels(), hull, losses
+    joint = None
+    if settings.single_stage:
+        scale = training_scale(views, settings.image_size)
+        joint = JointFeatures(masks, scale, parameters.cloud.centers, settings.seed, settings.joint_weight)
+    parameters, losses = optimise(parameters, targets, settings, threads, joint)
+    features = normalised(joint.features)[0] if joint else np.zeros((0, 0), np.float32)
+    return Trained(parameters, hull, losses, features)
 
 
 def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
@@ -105,21 +128,33 @@ def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
 
 
 def optimise(
-    parameters: Parameters, targets: list[Target], settings: Stage1Settings, threads: int
+    parameters: Parameters,
+    targets: list[Target],
+    settings: Stage1Settings,
+    threads: int,
+    joint: JointFeatures | None = None,
 ) -> tuple[Parameters, list[float]]:
     """Train, one view a step; return the surfels and the loss of each step."""
     rng = np.random.default_rng(settings.seed)
     raster, losses = Raster(), []
-    options = RenderOptions(low_pass_px=settings.low_pass_px, threads=threads)
+    fast, backend = settings.recipe == "fast", choose_backend(settings.device)
+    options = RenderOptions(low_pass_px=settings.low_pass_px, cull=fast, threads=threads)
     weights = loss_weights(settings)
-    parameters.replace("channels", average_targets(parameters.cloud, targets, options)[0])
+    if fast:
+        parameters.replace("channels", average_targets(parameters.cloud, targets, options)[0])
     settle_all(parameters, settings, settings.settle_sweeps, settings.settle_below)
     statistics, smallest = Statistics(len(parameters)), SMALLEST_PX * footprint(targets)
     order: list[int] = []
     for iteration in progress(range(settings.iterations), "stage1"):
         if not order:
             order = rng.permutation(len(targets)).tolist()
-        step = training_step(raster, parameters.cloud, targets[order.pop()], weights, options)
+        view = order.pop()
+        if backend == "cpu":
+            step = training_step(raster, parameters.cloud, targets[view], weights, options)
+        else:
+            step = torch_step(backend, parameters.cloud, targets[view], weights, options)
+        if joint:
+            add(step.gradients, joint.step(parameters.cloud, view, targets[view], targets[view].origin, options))
         statistics.add(step.screen, step.weights)
         parameters.update(step.gradients, rates(settings, iteration), threads, shared=settings.shared_moment)
         losses.append(step.loss)
@@ -128,12 +163,46 @@ def optimise(
             limit = settings.max_surfels
             parameters = densify(parameters, statistics, settings.densify_share, smallest, limit)
             statistics = Statistics(len(parameters))
+            if joint:
+                joint.follow(parameters.cloud.centers)
+        if (
+            settings.opacity_reset_every
+            and done % settings.opacity_reset_every == 0
+            and done <= settings.iterations // 2
+        ):
+            reset_opacities(parameters, RESET_OPACITY)
         if settings.settle_every and done % settings.settle_every == 0:
-            settle_all(parameters, settings, 1, SYMMETRIC)
+            early = done <= settings.iterations // 2
+            settle_all(parameters, settings, 1, settings.settle_below if early else SYMMETRIC)
         if done % len(targets) == 0 and converged(losses, len(targets), settings.stop_gain):
             logger.info("the loss has stopped falling after %d steps", done)
             break
     return parameters, losses
+
+
+def add(gradients: Cloud, others: Cloud | None) -> None:
+    """Add the geometry's gradients of another loss, in place."""
+    if others is not None:
+        for name in ("centers", "quaternions", "scales", "opacities"):
+            getattr(gradients, name)[...] += getattr(others, name)
+
+
+def torch_step(backend: str, cloud: Cloud, target: Target, weights: LossWeights, options: RenderOptions) -> Step:
+    """A step through autograd; torch is imported only where it is used."""
+    from brepgaussian.splatting.torch_engine import training_step_torch
+
+    return training_step_torch(backend, cloud, target, weights, options)
+
+
+def choose_backend(device: str) -> str:
+    """The backend for a device, without loading torch for the CPU."""
+    import importlib.util
+
+    if device == "cpu" or (device == "auto" and importlib.util.find_spec("gsplat") is None):
+        return "cpu"
+    from brepgaussian.splatting import render
+
+    return render.choose_backend(device)
 
 
 def converged(losses: list[float], epoch: int, gain: float) -> bool:

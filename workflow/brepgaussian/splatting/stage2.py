@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.base import Provenance
 from brepgaussian.artifacts.masks import read_masks
-from brepgaussian.artifacts.stage1 import Surfels, read_surfels
+from brepgaussian.artifacts.stage1 import Surfels, read_evidence, read_surfels
 from brepgaussian.artifacts.stage2 import Stage2
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.errors import StageError
@@ -49,6 +49,12 @@ def train_stage2(
     """
     views, masks, surfels = read_views(views_path), read_masks(masks_path), read_surfels(stage1_ply)
     logger.info("settings: %s", settings)
+    provenance = Provenance(views.object_name, digest(settings))
+    joint = joint_features(stage1_ply, len(surfels.centers))
+    if joint is not None:
+        logger.info("the features were trained together with the geometry: nothing to do")
+        Stage2(joint, masks.patches, consistent=False).write(out_h5, provenance)
+        return
     samples = sample_views(views, masks.patches, surfels, settings, threads)
     if not samples:
         raise StageError(
@@ -56,7 +62,16 @@ def train_stage2(
         )
     features = learn(samples, len(surfels.centers), settings)
     features = fill_unseen(features, samples, surfels)
-    Stage2(features, masks.patches, consistent=False).write(out_h5, Provenance(views.object_name, digest(settings)))
+    Stage2(features, masks.patches, consistent=False).write(out_h5, provenance)
+
+
+def joint_features(stage1_ply: str | Path, count: int) -> NDArray[np.float32] | None:
+    """Features that stage 1 trained along (the ablation without two stages), from `stage1.h5` beside the PLY."""
+    beside = Path(stage1_ply).with_suffix(".h5")
+    if not beside.exists():
+        return None
+    features = read_evidence(beside).features
+    return features if len(features) == count and count else None
 
 
 def learn(samples: list[Samples], count: int, settings: Stage2Settings) -> NDArray[np.float32]:

@@ -22,12 +22,14 @@ class Target:
         colors: (C, rows, stride) float32 premultiplied colour in 0..1, C = 1 for grey images.
         alpha: (rows, stride) float32 coverage.
         edges: (rows, stride) float32 edge probability.
+        origin: (x, y) of the crop in the training image.
     """
 
     camera: Camera
     colors: NDArray[np.float32]
     alpha: NDArray[np.float32]
     edges: NDArray[np.float32]
+    origin: tuple[int, int] = (0, 0)
 
     @property
     def stride(self) -> int:
@@ -43,8 +45,13 @@ def is_grey(views: Views) -> bool:
 def make_targets(views: Views, masks: Masks, size: int) -> list[Target]:
     """Targets of all views, reduced so that the images' longer side is `size` px (never enlarged)."""
     grey = is_grey(views)
-    factor = min(1.0, size / max(views.cameras.width, views.cameras.height))
+    factor = training_scale(views, size)
     return [_target(views, masks, view, factor, grey) for view in range(len(views.alpha))]
+
+
+def training_scale(views: Views, size: int) -> float:
+    """Training pixels per pixel of the images."""
+    return min(1.0, size / max(views.cameras.width, views.cameras.height))
 
 
 def _target(views: Views, masks: Masks, view: int, factor: float, grey: bool) -> Target:
@@ -73,4 +80,4 @@ def _target(views: Views, masks: Masks, view: int, factor: float, grey: bool) ->
     pad_y, pad_x = -crop.shape[0] % TILE, -crop.shape[1] % TILE
     padded = np.pad(crop, ((0, pad_y), (0, pad_x), (0, 0)))
     planes = np.ascontiguousarray(np.moveaxis(padded, 2, 0), np.float32)
-    return Target(camera.crop(x0, y0, x1 - x0, y1 - y0), planes[:-2], planes[-2], planes[-1])
+    return Target(camera.crop(x0, y0, x1 - x0, y1 - y0), planes[:-2], planes[-2], planes[-1], (x0, y0))
