@@ -13,7 +13,7 @@ from brepgaussian.brep.borders import open_points
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.patches import make_patches
-from brepgaussian.brep.polish import polish
+from brepgaussian.brep.polish import Polished, polish
 from brepgaussian.brep.silhouettes import make_silhouettes
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.tidy import tidy
@@ -26,6 +26,8 @@ from brepgaussian.settings.brep import BrepSettings
 
 _MENDING = ("open_extended", "caps")  # rungs that make up for missing points
 _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
+_SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
+_SAME_ENOUGH = 3  # rungs after the first that gave its solid again
 _DIGITS = 6  # of figures in the report
 
 
@@ -100,7 +102,7 @@ def climb(worker: Worker, job: Job, points: Points, start: float, views: Views |
             result = Attempt(rung.name, None, Verdict((str(error),)))
         tried.append(result)
         log.info("rung %s: %s", rung.name, _remarks(result) or "accepted")
-        if _settled(tried, guesses):
+        if _settled(tried, guesses) or _repeating(tried):
             break
     chosen = _choose(tried, settings)
     if chosen is None:
@@ -108,13 +110,31 @@ def climb(worker: Worker, job: Job, points: Points, start: float, views: Views |
         tried.append(chosen)
     judged: dict[str, Any] = {}
     if views is not None and not chosen.fallback:
-        rung = next(r for r in ladder if r.name == chosen.rung)
-        polished = polish(worker, job, rung, chosen, views)
+        polished = _judge(worker, job, {r.name: r for r in ladder}, tried, chosen, views)
         chosen, judged = polished.attempt, polished.report
         log.info("refined: %s", {k: v for k, v in judged.items() if k != "refinement"})
     assert chosen.shape is not None
     assert chosen.verdict.structure is not None
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, _report(chosen, tried, job) | judged)
+
+
+def _judge(
+    worker: Worker, job: Job, ladder: dict[str, Rung], tried: list[Attempt], chosen: Attempt, views: Views
+) -> Polished:
+    """The chosen solid refined; where the images do not accept it, the runner-up of another shape gets its chance."""
+    first = polish(worker, job, ladder[chosen.rung], chosen, views)
+    rivals = [t for t in _publishable(tried, job.settings) if _shape(t) != _shape(chosen)]
+    close = (first.report.get("mask_iou") or 0.0) >= job.settings.accept_iou
+    if first.report.get("accepted") is not False or close or not rivals:
+        return first
+    rival = _best(rivals)
+    second = polish(worker, job, ladder[rival.rung], rival, views)
+    return max((first, second), key=lambda p: (bool(p.report.get("accepted")), p.report.get("mask_iou") or 0.0))
+
+
+def _shape(attempt: Attempt) -> tuple[int, int, int, float]:
+    verdict = attempt.verdict
+    return verdict.faces, verdict.edges, verdict.vertices, round(verdict.volume, _SHAPE_DIGITS)
 
 
 def _remarks(result: Attempt) -> str:
@@ -131,17 +151,27 @@ def _settled(tried: list[Attempt], guesses: list[str]) -> bool:
 
 
 def _choose(tried: list[Attempt], settings: BrepSettings) -> Attempt | None:
-    solids = [t for t in tried if t.shape is not None]
-    clean = [t for t in solids if not t.verdict.doubts]
-    if clean:
-        return _best(clean)
-    weak = [
+    clean = [t for t in tried if t.shape is not None and not t.verdict.doubts]
+    some = clean or _publishable(tried, settings)
+    return _best(some) if some else None
+
+
+def _repeating(tried: list[Attempt]) -> bool:
+    """Whether rungs keep giving one and the same solid: the doubts lie in the primitives, not in the rung."""
+    shapes = [_shape(t) for t in tried if t.shape is not None]
+    return len(shapes) > _SAME_ENOUGH and len(set(shapes[-_SAME_ENOUGH - 1 :])) == 1
+
+
+def _publishable(tried: list[Attempt], settings: BrepSettings) -> list[Attempt]:
+    """Solids that beat the polyhedral fallback, doubts or not."""
+    return [
         t
-        for t in solids
-        if t.verdict.explained_all >= settings.weak_explained
+        for t in tried
+        if t.shape is not None
+        and not t.fallback
+        and t.verdict.explained_all >= settings.weak_explained
         and (t.verdict.iou is None or t.verdict.iou >= settings.weak_iou)
     ]
-    return _best(weak) if weak else None
 
 
 def _best(solids: list[Attempt]) -> Attempt:

@@ -261,6 +261,8 @@ def edge_in(edge: TopoDS_Edge, face: TopoDS_Face) -> TopoDS_Edge:
 def normal_near(face: TopoDS_Face, position: Array) -> Array:
     """(3,) outward normal of a tessellated face at its triangle nearest to a point."""
     nodes, found = triangles(face)
+    if not len(found):
+        return np.zeros(3)
     corners = nodes[found]
     nearest = int(np.argmin(np.linalg.norm(corners.mean(axis=1) - position, axis=1)))
     a, b, c = corners[nearest]

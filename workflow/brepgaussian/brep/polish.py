@@ -66,6 +66,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             best = Polished(attempt, _figures(test) | {"refined": True, "refinement": details})
             if same:
                 break
+            job = with_surfaces(job, rung, result.surfaces, {f.surface for f in result.structure.faces})
             structure, mesh = _inspect(worker, attempt, settings)
     except (WorkerError, BrepGaussianError, ValueError, ArithmeticError, RuntimeError, IndexError) as error:
         log.warning("no refinement: %s", error)
