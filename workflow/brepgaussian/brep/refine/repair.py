@@ -1,7 +1,7 @@
-"""Faces on a surface of their own that the images refuse: tried on a neighbour's surface.
+"""Faces on a surface of their own that the images refuse: tried on another face's surface.
 
 A cone or a cylinder of which the points took one piece for a plane cannot be refined into agreement. If such a
-face lies close to a neighbour's surface, it may be a piece of that.
+face lies close to the surface of a larger one, it may be a piece of that.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,15 @@ from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 
-_NEAR = 0.01  # distance of the face from the neighbour's surface, unit frame: within the refinement's reach
+_NEAR = 0.01  # median distance of the face from the other surface, unit frame: within the refinement's reach
+_FAR = 0.03  # and the largest
 _SAME_SIDE = np.cos(np.radians(25.0))  # and the angle between their normals
 
 
 def doubtful_merges(
     structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface], verdict: Acceptance, limit_px: float
 ) -> dict[int, int]:
-    """Surfaces with a bad edge that may be pieces of a neighbour: surface to neighbour's surface."""
+    """Surfaces with a bad edge that may be pieces of another: surface to the other surface."""
     owner = np.array([f.surface for f in structure.faces], np.int64)
     area = np.bincount(owner[owner >= 0], [f.area for f in structure.faces if f.surface >= 0], len(surfaces))
     bad: set[int] = set()
@@ -33,22 +34,18 @@ def doubtful_merges(
         index = int(str(row["name"]).split()[-1])
         if isinstance(px, float) and px > limit_px and str(row["name"]).startswith("edge"):
             bad |= {s for s in structure.edges[index].surfaces if s >= 0}
-    beside: dict[int, set[int]] = {}
-    for edge in structure.edges:
-        for a, b in (edge.surfaces, edge.surfaces[::-1]):
-            if min(a, b) >= 0 and a != b:
-                beside.setdefault(a, set()).add(b)
     merges: dict[int, int] = {}
     for index in sorted(bad, key=lambda s: area[s]):
         points = mesh.vertices[np.unique(mesh.triangles[owner[mesh.face] == index])]
         best, least = -1, _NEAR
-        for other in sorted(beside.get(index, ())):
-            if area[other] < area[index] or other in merges or not len(points):
+        for other in (int(i) for i in np.flatnonzero(area >= area[index])):
+            if other == index or other in merges or not len(points):
                 continue
-            off = float(np.abs(surfaces[other].signed_distance(points)).max())
-            agree = np.einsum("ni,ni->n", surfaces[other].normals(points), surfaces[index].normals(points))
-            if off < least and np.abs(agree).min() > _SAME_SIDE:
-                best, least = other, off
+            off = np.abs(surfaces[other].signed_distance(points))
+            agree = (surfaces[other].normals(points) * surfaces[index].normals(points)).sum(axis=1)
+            middle = float(np.median(off))
+            if middle < least and off.max() < _FAR and np.abs(agree).min() > _SAME_SIDE:
+                best, least = other, middle
         if best >= 0:
             merges[index] = best
     return merges

@@ -20,7 +20,9 @@ Array = NDArray[np.float64]
 _TUKEY = 4.685  # cut-off of Tukey's weight in robust standard deviations: 95 % efficiency
 _TO_SIGMA = 1.4826  # median absolute deviation to standard deviation
 _REWEIGHTINGS = 4  # per linearisation
-_CONCAVE_SIGMA = 0.5  # px: light between two faces shifts concave edges by a quarter to half a pixel
+# Errors that the samples of one edge have in common, px: display curve, shading, what lies behind.
+_BIAS = {SILHOUETTE: 0.002, CREASE: 0.02, OCCLUDING: 0.05}
+_CONCAVE_BIAS = 0.4  # light between two faces shifts concave edges by a quarter to half a pixel
 _ROW_SIGMA = 1e-7  # of constraints (radians, unit frame): as good as exact beside 1e-5 from the images
 TONES = 2
 TONE_STEP = 50.0  # grey levels
@@ -99,12 +101,12 @@ def step(
     problem = _Problem(state, seen, found, used, start, cameras, size, free_poses)
     fixed, target = _fixed_rows(state, prior, start, size, rows, free_poses)
     offset = residuals(seen, found, state.tone)[used]
-    sigma = _sigmas(seen, found, structure)[used]
+    sigma, bias = found.sigma[used], _biases(seen, structure)[used]
     kind, group = seen.kind[used], seen.rays.group[used]
     delta, matrix = np.zeros(size), fixed
     for _ in range(_REWEIGHTINGS):
         now = offset - problem.predict(delta)
-        weight = _weights(now / sigma, kind, group) / sigma**2
+        weight = _capped(_weights(now / sigma, kind, group) / sigma**2, group, kind, bias)
         matrix, right = problem.normal(weight, offset)
         matrix += fixed
         delta = np.linalg.solve(matrix, right + target)
@@ -120,11 +122,18 @@ def step(
     )
 
 
-def _sigmas(seen: Seen, found: Found, structure: Structure) -> Array:
-    """Expected errors, wider for concave edges seen as an interior step."""
+def _biases(seen: Seen, structure: Structure) -> Array:
+    """(R,) px, error that all samples of an edge may have in common."""
     concave = np.array([e.convexity == CONCAVE for e in structure.edges] + [False] * len(structure.faces))
-    inner = concave[seen.rays.group] & (seen.kind != SILHOUETTE)
-    return np.where(inner, np.maximum(found.sigma, _CONCAVE_SIGMA), found.sigma)
+    common = np.array([_BIAS[k] for k in range(len(KINDS))])[seen.kind]
+    return np.where(concave[seen.rays.group] & (seen.kind != SILHOUETTE), _CONCAVE_BIAS, common)
+
+
+def _capped(weight: Array, group: NDArray, kind: NDArray, bias: Array) -> Array:
+    """Weights of an edge scaled so that all its samples together are no surer than their common error."""
+    key = group * len(KINDS) + kind
+    total = np.bincount(key, weight)[key]
+    return weight / (1 + total * bias**2)
 
 
 def _weights(z: Array, kind: NDArray, group: NDArray) -> Array:
