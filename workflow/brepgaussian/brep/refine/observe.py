@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.samples import Rays
-from brepgaussian.brep.refine.visibility import CREASE, OCCLUDING, SILHOUETTE, Seen
+from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ HARD_MASK_SIGMA = 0.2  # px, where the silhouettes are not antialiased
 INTERIOR_SIGMA = 0.1  # px, of creases at any contrast
 OCCLUDING_SIGMA = 0.2  # px, of occluding edges: what lies behind need not be flat
 _INTERIOR_PER_STEP = 0.7  # px grey levels
+_LEAST_SHARE = 0.5  # of an interior edge's samples that must show it
+_MOST_SPREAD = 1 / 3  # median deviation of an edge's offsets over the window; chance gives one half
 _NOISE_TO_POSITION = 2.5  # px: error of an integral over 5 px, and of its levels, per noise over step
 
 
@@ -109,6 +111,7 @@ def measure(images: Images, seen: Seen, window: float, interior_window: float) -
     least = np.where(seen.kind[rows] == OCCLUDING, OCCLUDING_SIGMA, INTERIOR_SIGMA)
     sigma[rows] = np.hypot(least, blur)
     offset[_contradicted(seen, step)] = np.nan
+    offset[_by_chance(seen, offset, interior_window)] = np.nan
     return Found(offset, sigma, step)
 
 
@@ -188,4 +191,22 @@ def _contradicted(seen: Seen, step: Array) -> NDArray[np.bool_]:
     np.add.at(votes, seen.rays.sample[crease], np.sign(step[crease]))
     bad = np.zeros(len(step), bool)
     bad[crease] = votes[seen.rays.sample[crease]] * step[crease] < 0
+    return bad
+
+
+def _by_chance(seen: Seen, offset: Array, window: float) -> NDArray[np.bool_]:
+    """Interior edges that most of their samples do not show, or show anywhere in the window.
+
+    Between two walls of the same grey there is no step; what is found there belongs to something else.
+    """
+    found = np.isfinite(offset)
+    bad = np.zeros(len(offset), bool)
+    key = np.where(seen.kind == SILHOUETTE, -1, seen.rays.group * len(KINDS) + seen.kind)
+    order = np.argsort(key, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(key[order])) + 1):
+        if len(rows) == 0 or key[rows[0]] < 0:
+            continue
+        seen_here = offset[rows][found[rows]]
+        few = len(seen_here) < _LEAST_SHARE * len(rows)
+        bad[rows] = few or float(np.median(np.abs(seen_here - np.median(seen_here)))) > _MOST_SPREAD * window
     return bad
