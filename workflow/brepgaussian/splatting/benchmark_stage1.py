@@ -7,7 +7,6 @@ are the stage's alone.
 
 import csv
 import json
-import resource
 import subprocess
 import sys
 import time
@@ -37,8 +36,13 @@ def _train(folder: Path, settings: Stage1Settings) -> None:
     train_stage1(
         folder / "views.h5", folder / "masks.h5", folder / "stage1.ply", folder / "stage1.h5", settings, threads=1
     )
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps({"seconds": time.perf_counter() - start, "peak_mb": peak_mb}))
+    print(json.dumps({"seconds": time.perf_counter() - start, "peak_mb": _peak_mb()}))
+
+
+def _peak_mb() -> float:
+    """This process' peak memory; unlike getrusage's, it starts anew with the program and not with its parent."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
 def run(out_csv: str | Path, folders: list[Path], methods: list[str]) -> list[dict[str, object]]:
