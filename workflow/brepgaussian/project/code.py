@@ -7,7 +7,6 @@ import ast
 import functools
 import hashlib
 from pathlib import Path
-from typing import TypeGuard
 
 PACKAGE = Path(__file__).resolve().parents[1]
 _NATIVE = (".cpp", ".h", ".html", ".js", ".css")  # belong to the modules beside them
@@ -61,13 +60,12 @@ def _imports(path: Path) -> tuple[str, ...]:
             above = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*above, *([node.module] if node.module else [])))
             names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
-        elif _names_sibling(node, path):  # a table of modules that are imported when they are needed
-            names.append(".".join((*package, node.value)))
+        elif isinstance(node, ast.Constant) and _names_sibling(node.value, path):
+            # a table of modules that are imported when they are needed
+            names.append(".".join((*package, str(node.value))))
     return tuple(name for name in names if name.split(".")[0] == PACKAGE.name)
 
 
-def _names_sibling(node: ast.AST, path: Path) -> TypeGuard[ast.Constant]:
-    """Whether a node is a string that names a module beside a file."""
-    if not isinstance(node, ast.Constant) or not isinstance(node.value, str) or not node.value.isidentifier():
-        return False
-    return (path.parent / f"{node.value}.py").is_file()
+def _names_sibling(value: object, path: Path) -> bool:
+    """Whether a constant is the name of a module beside a file."""
+    return isinstance(value, str) and value.isidentifier() and (path.parent / f"{value}.py").is_file()

@@ -19,6 +19,7 @@ _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views on
 _OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 _BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
 _SURFACE_SHARE = 0.8  # of a cell's views show the lid's grey, if the cell is on a face
+_BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
 _AGREEING = (0.1, 0.5, 0.9)  # quantiles over views; a few views may be disturbed by borders
@@ -78,8 +79,26 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     region = ndimage.binary_fill_holes(region) & stack.domain
     region = ndimage.binary_opening(region, iterations=_OPENING_CELLS)
     labels, count = ndimage.label(region)
-    outlines = [labels == k for k in range(1, count + 1)]
+    outlines = [_sharpen(labels == k, share) for k in range(1, count + 1)]
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
+
+
+def _sharpen(outline: NDArray[np.bool_], share: Array) -> NDArray[np.bool_]:
+    """An opening's border where half as many views disagree as further in.
+
+    A hull's lid lies above the true one, so oblique views show the opening shifted on it: the region that any
+    view refutes is too wide.
+    """
+    depth = ndimage.distance_transform_edt(outline)
+    belt = (depth > _BELT_CELLS) & (depth <= 2 * _BELT_CELLS)
+    if not belt.any():
+        return outline
+    sharp = outline & ((share > np.median(share[belt]) / 2) | (depth > 2 * _BELT_CELLS))
+    sharp = ndimage.binary_opening(ndimage.binary_fill_holes(sharp), iterations=2)
+    labels, count = ndimage.label(sharp)
+    if not count:
+        return outline
+    return labels == 1 + int(np.argmax(np.bincount(labels[labels > 0])[1:]))
 
 
 def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
