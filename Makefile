@@ -42,9 +42,11 @@ lint: setup-dev ## style of Python and Snakemake code
 types: setup-dev ## type hints
 	$(RUN) mypy
 
-docs: setup-dev ## the schema, config/README.md and the workflow graph, from the code
+docs: setup-dev ## the schema, config/README.md and the graph in docs/workflow.md, from the code
 	$(RUN) python -m brepgaussian.settings.schema
-	$(RUN) snakemake --rulegraph 2>/dev/null > build/rulegraph.dot
+	$(RUN) snakemake --rulegraph mermaid-js 2>/dev/null > .venv/rulegraph && \
+	  python -c "import re, pathlib; p = pathlib.Path('docs/workflow.md'); g = open('.venv/rulegraph').read(); \
+	  p.write_text(re.sub(r'(\`{3}mermaid\n).*?(\`{3})', lambda m: m[1] + g + m[2], p.read_text(), flags=re.S))"
 
 lock: ## renew the locked requirements in a fresh environment
 	rm -rf build/lock && $(PYTHON) -m venv build/lock
