@@ -31,6 +31,8 @@ def patch_of(surface, xyz, reach=0.02):
 @settings(max_examples=10, deadline=None)
 def test_chart_inverts_itself_and_lies_on_the_surface(surface, seed):
     points = surface.project(np.random.default_rng(seed).random((20, 3)))
+    if surface.kind == "cone":  # points beyond the apex project to the other nappe, which is no part of the face
+        points = points[surface.radius + (points - surface.origin) @ surface.axis * np.tan(surface.angle) > 0]
     chart = chart_of(surface)
     uv = chart.parameters(points)
     np.testing.assert_allclose(chart.evaluate(uv[:, 0], uv[:, 1]), points, atol=1e-9)
