@@ -108,13 +108,10 @@ def cylinder_about(
     axis: Array, points: Array, normals: Array, share: Array, through: Array | None = None
 ) -> Surface | None:
     """The cylinder of a given axis direction: a circle fit to positions and normals across the axis."""
-    across_n = normals - (normals @ axis)[:, None] * axis
-    length = np.linalg.norm(across_n, axis=1)
-    share = share * (length > 0.1)
-    if share.sum() < _SMALL:
+    across_axis = _across(axis, normals, share)
+    if across_axis is None:
         return None
-    share = share / share.sum()
-    radial = across_n / np.maximum(length, _SMALL)[:, None]
+    radial, share = across_axis
     across = points - (points @ axis)[:, None] * axis
     if through is not None:
         reach = float(share @ ((across - through + (through @ axis) * axis) * radial).sum(1))
@@ -128,6 +125,16 @@ def cylinder_about(
     return cylinder(centre, axis, max(abs(reach), _SMALL), flipped=reach < 0)
 
 
+def _across(axis: Array, normals: Array, share: Array) -> tuple[Array, Array] | None:
+    """Unit directions (N, 3) of normals across an axis, and shares (N,) without the normals along it."""
+    across = normals - (normals @ axis)[:, None] * axis
+    length = np.linalg.norm(across, axis=1)
+    share = share * (length > 0.1)
+    if share.sum() < _SMALL:
+        return None
+    return across / np.maximum(length, _SMALL)[:, None], share / share.sum()
+
+
 def cone_about(
     axis: Array, points: Array, normals: Array, share: Array, through: Array | None = None
 ) -> Surface | None:
@@ -135,13 +142,10 @@ def cone_about(
 
     u is the direction of the normal across the axis and t the position along it.
     """
-    across_n = normals - (normals @ axis)[:, None] * axis
-    length = np.linalg.norm(across_n, axis=1)
-    share = share * (length > 0.1)
-    if share.sum() < _SMALL:
+    across_axis = _across(axis, normals, share)
+    if across_axis is None:
         return None
-    share = share / share.sum()
-    radial = across_n / np.maximum(length, _SMALL)[:, None]
+    radial, share = across_axis
     middle = share @ points
     offset = points - middle if through is None else points - (through + ((middle - through) @ axis) * axis)
     along = offset @ axis

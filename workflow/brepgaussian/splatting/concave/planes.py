@@ -129,7 +129,7 @@ def _curved(normal: Array, normals: Array, centers: Array, areas: Array) -> bool
     turn = normals @ axes - weights @ (normals @ axes)
     moment = where.T @ (weights[:, None] * where) + 1e-12 * np.eye(2)
     shape = np.linalg.solve(moment, where.T @ (weights[:, None] * turn))  # (2, 2) change of normal per length
-    extent = np.sqrt(12 * np.linalg.eigvalsh(moment))  # side of a rectangle of this spread
     bend, directions = np.linalg.eigh((shape + shape.T) / 2)
+    # sides of a rectangle of this spread
     across = np.sqrt(12 * np.einsum("ij,ik,kj->j", directions, moment, directions))
-    return bool((np.abs(bend) * np.minimum(across, extent.max())).max() > _MAXIMUM_TURN)
+    return bool((np.abs(bend) * across).max() > _MAXIMUM_TURN)
