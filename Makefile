@@ -54,6 +54,7 @@ lock: ## renew the locked requirements in a fresh environment
 	  build/lock/bin/pip install --quiet --requirement envs/$$name.in && \
 	  { echo "# Locked by \`make lock\` from $$name.in; Python 3.11."; \
 	    build/lock/bin/pip freeze | sed 's/+cpu//'; } > envs/$$name.txt; done
+	build/lock/bin/python envs/conda.py
 
 clean: ## results and everything built, but not the environment
 	rm -rf results logs benchmarks build .snakemake

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -40,11 +41,20 @@ def project(tmp_path_factory):
     return folder, snakemake(folder, "results/metrics.csv")
 
 
+def command(*arguments, config=("small.yaml",)):
+    return [sys.executable, "-m", "snakemake", "--cores", "2", *arguments, "--configfile", *config]
+
+
+def environment():
+    found = {**os.environ, "BREPGAUSSIAN_BUILD": str(ROOT / "build")}
+    found.pop("PYTHONPATH", None)  # the Snakefile must find its own library
+    return found
+
+
 def snakemake(folder, *arguments, config=("small.yaml",)):
-    command = [sys.executable, "-m", "snakemake", "--cores", "2", *arguments, "--configfile", *config]
-    environment = {**os.environ, "BREPGAUSSIAN_BUILD": str(ROOT / "build")}
-    environment.pop("PYTHONPATH", None)  # the Snakefile must find its own library
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command(*arguments, config=config), cwd=folder, env=environment(), capture_output=True, text=True, check=False
+    )
 
 
 def rows(folder):
@@ -84,18 +94,52 @@ def test_a_second_run_of_the_good_object_does_nothing(project):
 def test_changing_a_library_module_reruns_its_stage_and_what_follows(project):
     folder, _ = project
     module = folder / "workflow" / "brepgaussian" / "primitives" / "stage.py"
-    text = module.read_text()
+    text, before = module.read_text(), module.stat()
     module.write_text(text + "\n# changed\n")
     try:
         assert jobs(folder, "results/full/good/metrics.csv") == ["primitives", "brep", "object_metrics"]
     finally:
         module.write_text(text)
+        os.utime(module, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def test_touching_a_library_module_reruns_its_stage_and_what_follows(project):
+    folder, _ = project
+    module = folder / "workflow" / "brepgaussian" / "primitives" / "stage.py"
+    before = module.stat()
+    os.utime(module)
+    try:
+        assert jobs(folder, "results/full/good/metrics.csv") == ["primitives", "brep", "object_metrics"]
+    finally:
+        os.utime(module, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert jobs(folder, "results/full/good/metrics.csv") == []
 
 
 def test_one_stage_of_one_object_can_be_rerun_and_gives_the_same_bytes(project):
     folder, _ = project
     before = digests(folder)
     done = snakemake(folder, "results/full/good/brep.step", "--forcerun", "primitives")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(folder) == before
+
+
+def test_after_a_kill_the_same_command_ends_with_the_same_bytes(project):
+    folder, _ = project
+    before = digests(folder)
+    for name in ("points.ply", "primitives.h5", "brep.step", "brep.glb", "brep.h5", "metrics.csv"):
+        (folder / "results" / "full" / "good" / name).unlink()
+    log = folder / "logs" / "full" / "good" / "points.log"
+    log.unlink()
+    target = ("results/full/good/brep.step",)
+    running = subprocess.Popen(
+        command(*target), cwd=folder, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    while running.poll() is None and not log.exists():
+        time.sleep(0.02)
+    running.kill()  # Snakemake alone: its job goes on, as after a `kill -9` by hand
+    running.wait()
+    assert not (folder / "results" / "full" / "good" / "brep.step").exists()
+    done = snakemake(folder, *target)
     assert done.returncode == 0, done.stdout + done.stderr
     assert digests(folder) == before
 

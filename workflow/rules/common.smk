@@ -8,7 +8,7 @@ from snakemake.exceptions import WorkflowError
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
 from brepgaussian.errors import BrepGaussianError
-from brepgaussian.project.code import code_hash
+from brepgaussian.project.code import code_stamp
 from brepgaussian.project.environment import export_library
 from brepgaussian.project.failures import failure_path, unfinished
 from brepgaussian.project.objects import configured_objects, has_truth, source_files
@@ -71,8 +71,8 @@ def failure(stage):
 
 
 def code(stage):
-    """Hash of the library code that the stage stands on: changing it reruns the stage."""
-    return code_hash(STAGES[stage].module)
+    """Stamp of the library code that the stage stands on: changing or touching it reruns the stage."""
+    return code_stamp(STAGES[stage].module)
 
 
 def benchmarks(wildcards):

@@ -79,6 +79,6 @@ rule tables:
     threads: 1
     params:
         groups={name: row.group for name, row in OBJECTS.items()},
-        code=code_hash("brepgaussian.report.tables"),
+        code=code_stamp("brepgaussian.report.tables"),
     script:
         "../scripts/tables.py"

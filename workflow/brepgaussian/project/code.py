@@ -1,6 +1,8 @@
-"""A content hash of the library code that a stage stands on, so that changing it reruns the stage.
+"""A stamp of the library code that a stage stands on, so that changing or touching it reruns the stage.
 
-Snakemake tracks the script of a rule but not the modules that the script imports.
+Snakemake tracks the script of a rule but not the modules that the script imports. The stamp is a parameter and
+no input: as inputs, hundreds of jobs would carry some sixty files each, and a touched file whose content
+Snakemake still knows by its checksum would count as unchanged.
 """
 
 import ast
@@ -13,17 +15,18 @@ _NATIVE = (".cpp", ".h", ".html", ".js", ".css")  # belong to the modules beside
 
 
 @functools.cache
-def code_hash(module: str) -> str:
-    """Hash of a module and of all modules of this package that it imports, directly or not.
+def code_stamp(module: str) -> str:
+    """Content hash and newest modification time of a module and of all modules of this package that it imports.
 
     Args:
         module: dotted name, e.g. `brepgaussian.masks.stage`.
     """
-    digest = hashlib.sha256()
+    digest, newest = hashlib.sha256(), 0
     for path in sorted(_sources(module)):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+        newest = max(newest, path.stat().st_mtime_ns)
+    return f"{digest.hexdigest()[:16]} {newest}"
 
 
 def _sources(module: str) -> set[Path]:
