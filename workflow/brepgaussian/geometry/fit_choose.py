@@ -25,6 +25,9 @@ SHALLOW = np.radians(6.0)  # a cone that near to a cylinder or a plane is a rare
 SHALLOW_PRICE = 2.0  # parameters that it costs on top
 MIN_TORUS_RATIO = 0.25  # radii of a torus; below it is a sphere with a dent
 MAX_TORUS_RATIO = 100.0  # radii of a torus; beyond it the data cannot tell it from a cylinder
+# A reconstructed plane bulges: a surface whose normals turn less on both sides of their mean is one.
+FLAT_TURN = np.radians(6.0)
+_TURN_QUANTILE = 0.95
 _SMALL = 1e-12
 
 
@@ -153,13 +156,13 @@ def misfit(surface: Surface, points: Array, normals: Array) -> tuple[float, floa
 
 
 def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
-    """False for surfaces that no part has: a radius far beyond the points or `reach`, a needle or a disc of a cone."""
+    """False for surfaces that no part has: nearly flat, a radius beyond `reach`, a needle or disc of a cone."""
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.minor]).all():
         return False
     if surface.kind == "plane":
         return True
-    if surface.radius + surface.minor > reach:
+    if surface.radius + surface.minor > reach or turn_of(surface, points) < FLAT_TURN:
         return False
     if surface.kind == "torus":
         ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
@@ -167,6 +170,16 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
     if surface.kind == "cone" and not np.radians(2.0) < surface.angle < np.radians(88.0):
         return False
     return surface.radius < 20 * extent
+
+
+def turn_of(surface: Surface, points: Array) -> float:
+    """Angle (radians) from their mean within which nearly all of a surface's normals at some points lie."""
+    normals = surface.normals(points)
+    mean = normals.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    if length < _SMALL:
+        return float(np.pi)
+    return float(np.quantile(np.arccos(np.clip(normals @ mean / length, -1, 1)), _TURN_QUANTILE))
 
 
 def _spread(values: Array) -> float:

@@ -19,7 +19,7 @@ _CURVE_SIGMA = 0.0012  # unit frame; a third of a pixel at 800 px
 _CURVE_SHARE = 0.25  # of a curve's points that are independent
 _OUTLIER = 0.008  # unit frame; a curve point farther from the primitive hardly counts
 _ROUNDS = 3
-_MOST = 0.02  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve
+_MOST = 0.01  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve
 _LEAST_CURVE = 6  # points
 
 

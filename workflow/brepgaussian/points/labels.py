@@ -16,7 +16,7 @@ from brepgaussian.points import batchfit
 from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.bridges import joined
 from brepgaussian.points.graph import Graph, Index, compact, components
-from brepgaussian.points.merge import KIND_PENALTY, Merger, Models, Nodes, Sampler, best_models, parts_of
+from brepgaussian.points.merge import KIND_PENALTY, Merger, Models, Nodes, Sampler, best_models, flattened, parts_of
 from brepgaussian.points.pearl import alpha_expansion
 from brepgaussian.points.shading import fit_shading
 from brepgaussian.points.superpoints import contract
@@ -213,7 +213,8 @@ def refit(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Models:
             for k in range(len(parts))
         ]
     )
-    return best_models(sets.weighted(sets.weights * np.where(costs < 4.0, 1.0, 4.0 / np.maximum(costs, 4.0))), noise)
+    sets = sets.weighted(sets.weights * np.where(costs < 4.0, 1.0, 4.0 / np.maximum(costs, 4.0)))
+    return flattened(sets, best_models(sets, noise), noise)
 
 
 def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, spacing: float) -> Index:

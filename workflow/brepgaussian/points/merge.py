@@ -1,6 +1,6 @@
 """Join neighbouring parts while one primitive explains both."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,11 @@ _NEUTRAL_SHARE, _NEUTRAL_VIEWS = 0.8, 6.0  # prior of the votes of a border: wha
 _CORRELATED = 0.5  # rise in cost that chance gives a large part: errors of the nodes are correlated
 _SINGLE = 4.0  # and one node
 _MOST_ROUNDS = 60
+# Smooth errors of reconstructed faces: hulls bulge between the contours that they touch, training follows.
+_BULGE_TURN = float(np.radians(5.0))  # rms of the normal's difference
+_BULGE_HEIGHT = 0.03  # of a face's width, rms: what such a turn makes of it
+_BULGE_MOST = 0.004  # unit frame; wide faces have contours in between
+_FLAT = 0.5  # cost in those errors by which a plane may be dearer than a curved primitive before it is none
 _GOOD = 0.5  # of the tolerance; a primitive that fits as well needs no rival
 
 
@@ -106,6 +111,39 @@ def best_models(sets: Sets, noise: Noise) -> Models:
         chosen[where], rows[where], cost[where] = kind, found[better], value[better]
         rank[where] = value[better] + penalty
     return Models(chosen, rows, cost)
+
+
+def flattened(sets: Sets, models: Models, noise: Noise) -> Models:
+    """Planes instead of curved primitives that bend no more than a badly reconstructed plane does.
+
+    What the grey levels say about curvature counts in full, they do not follow the bulges of a hull.
+    """
+    curved = np.flatnonzero(models.kinds != "plane")
+    if not len(curved):
+        return models
+    kinds, rows, cost = models.kinds.copy(), models.rows.copy(), models.cost.copy()
+    for i in curved:
+        one = sets.take(np.array([i]))
+        bulge = min(_BULGE_HEIGHT * _width(one), _BULGE_MOST)
+        if bulge < noise.distance:  # a strip so narrow does not bulge visibly: if it seems bent, it is
+            continue
+        plane = batchfit.fit("plane", one, noise)
+        loose = replace(
+            noise, distance=float(np.hypot(noise.distance, bulge)), normal=float(np.hypot(noise.normal, _BULGE_TURN))
+        )
+        flat = _mean(batchfit.costs("plane", plane, one, loose), one.weights)[0]
+        bent = _mean(batchfit.costs(str(kinds[i]), rows[i : i + 1], one, loose), one.weights)[0]
+        if flat < bent + _FLAT:
+            kinds[i], rows[i] = "plane", plane[0]
+            cost[i] = _mean(batchfit.costs("plane", plane, one, noise), one.weights)[0]
+    return Models(kinds, rows, cost)
+
+
+def _width(one: Sets) -> float:
+    """The smaller side of a rectangle that spreads like the points of one set."""
+    share = one.weights[0] / one.weights[0].sum()
+    centred = one.points[0] - share @ one.points[0]
+    return float(np.sqrt(12 * np.linalg.eigvalsh(centred.T @ (share[:, None] * centred))[1]))
 
 
 def _mean(costs: Array, weights: Array) -> Array:
