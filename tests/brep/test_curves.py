@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from brepgaussian.brep.curves import corners_of, curves_of, joined, support_by_edge_points
+from brepgaussian.brep.curves import corners_of, joined, support_by_edge_points, wireframe
 from brepgaussian.brep.structure import Edge, Face, Structure, Vertex
 
 
@@ -15,7 +15,7 @@ def arc(start, end, vertices, radius=0.3, turned=False):
 
 
 @pytest.mark.parametrize("turned", [(False, False, False), (False, True, False), (True, False, True)])
-def test_three_arcs_are_one_circle(turned):
+def test_three_arcs_are_one_circle(turned, kit):
     ends = [0.0, 2.0, 4.0, 2 * np.pi]
     pieces = [arc(ends[k], ends[k + 1], (k, (k + 1) % 3), turned=turned[k]) for k in range(3)]
     faces = tuple(Face(k, 1.0, np.zeros(3)) for k in range(2))
@@ -29,7 +29,12 @@ def test_three_arcs_are_one_circle(turned):
     assert steps.sum() == pytest.approx(2 * np.pi * 0.3, rel=1e-3)
     assert np.ptp(edges[0].t_range) == pytest.approx(2 * np.pi)
     assert len(corners_of(structure)) == 0
-    assert curves_of(structure)[0].kind == "circle"
+    planes = kit.box_planes(np.ones(3))[:2]
+    none = kit.make_points(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    curve = wireframe(structure, planes, none).curves[0]
+    assert curve.kind == "circle"
+    assert curve.t_range == curve.t_solid
+    assert not curve.from_edge_points
 
 
 def test_pieces_of_different_faces_stay_apart():

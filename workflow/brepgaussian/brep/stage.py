@@ -10,7 +10,7 @@ from brepgaussian.artifacts.brep import Brep
 from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.primitives import read_primitives
 from brepgaussian.artifacts.views import read_views
-from brepgaussian.brep.curves import corners_of, curves_of, support_by_edge_points
+from brepgaussian.brep.curves import wireframe
 from brepgaussian.brep.ladder import climb, make_job
 from brepgaussian.brep.worker import Worker
 from brepgaussian.errors import StageError
@@ -61,12 +61,8 @@ def build_brep(
         step = (outcome.shape, views.world_from_unit, views.unit, name, str(out_step))
         worker.call("publish:write_step", step, _PUBLISH_LIMIT_S)
         worker.call("publish:write_glb", (outcome.shape, views.world_from_unit, name, str(out_glb)), _PUBLISH_LIMIT_S)
-    brep = Brep(
-        surfaces=outcome.surfaces,
-        curves=curves_of(outcome.structure),
-        corners=corners_of(outcome.structure),
-        report=outcome.report | support_by_edge_points(outcome.structure, points),
-    )
+    frame = wireframe(outcome.structure, outcome.surfaces, points)
+    brep = Brep(outcome.surfaces, frame.curves, frame.corners, outcome.report | frame.report, frame.clusters)
     brep.write(out_h5, Provenance(views.object_name, digest(settings)))
     log.info("published rung %s in %.1f s", outcome.report["rung"], time.monotonic() - start)
 
