@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brepgaussian.artifacts.base import Provenance
-from brepgaussian.artifacts.masks import Masks
+from brepgaussian.artifacts.masks import Masks, read_masks
 from brepgaussian.artifacts.stage1 import read_evidence, read_surfels
 from brepgaussian.artifacts.stage2 import read_stage2
+from brepgaussian.artifacts.views import read_views
 from brepgaussian.errors import StageError
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.settings.stage2 import Stage2Settings
@@ -19,7 +20,7 @@ from synthetic import sphere_masks, sphere_views
 FAST = Stage1Settings(
     iterations=120, surfels=900, hull_resolution=48, image_size=96, densify_every=40, settle_every=60, concavities=False
 )
-FEATURES = Stage2Settings(epochs=8, samples_per_view=64)
+FEATURES = Stage2Settings(epochs=8, samples_per_view=64, repair=False)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +108,20 @@ def test_features_separate_the_patches(folder: Path) -> None:
     top, bottom = result.features[height > 0.1], result.features[height < -0.1]
     inside, across = np.median(top @ top.T), np.median(top @ bottom.T)
     assert inside > across + 0.5
+
+
+def test_two_colours_of_one_sphere_are_one_patch_in_every_view(folder: Path) -> None:
+    stage2(folder, "repaired", replace(FEATURES, repair=True))
+    views, result = read_views(folder / "views.h5"), read_stage2(folder / "repaired.h5")
+    assert result.consistent
+    assert (result.patches == (views.alpha >= 128)).mean() > 0.999
+    np.testing.assert_allclose(np.linalg.norm(result.features, axis=1), 1, atol=1e-5)
+
+
+def test_masks_as_detected_where_no_repair_is_wanted(folder: Path) -> None:
+    result = read_stage2(folder / "stage2.h5")
     assert not result.consistent
+    np.testing.assert_array_equal(result.patches, read_masks(folder / "masks.h5").patches)
 
 
 def test_masks_of_other_views_are_refused(folder: Path) -> None:

@@ -10,6 +10,7 @@ from brepgaussian.artifacts.base import Provenance, create_h5, open_h5, put, req
 from brepgaussian.geometry.cameras import Cameras
 
 KIND = "views"
+_LUMINANCE = np.array([0.299, 0.587, 0.114], np.float32)  # Rec. 601
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,11 @@ class Views:
     @property
     def luminance(self) -> NDArray[np.float32]:
         """(V, H, W) float32 grey levels 0..255 (Rec. 601 weights; equal to R on grey images)."""
-        weights = np.array([0.299, 0.587, 0.114], np.float32)
-        return self.rgb.astype(np.float32) @ weights
+        return np.stack([self.grey(view) for view in range(len(self.rgb))])
+
+    def grey(self, view: int) -> NDArray[np.float32]:
+        """(H, W) float32 grey levels of one view: a float copy of all colours would take half a gigabyte."""
+        return np.asarray(self.rgb[view].astype(np.float32) @ _LUMINANCE, np.float32)
 
     def write(self, path: str | Path, provenance: Provenance) -> None:
         """Write `views.h5`."""

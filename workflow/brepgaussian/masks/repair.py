@@ -83,11 +83,10 @@ def repair(
         raise StageError("no surface sample has a label", fix="check the points stage's result for this object")
     samples = prepare(np.asarray(xyz, np.float64), np.asarray(normals, np.float64), np.asarray(label, np.int64))
     cv2.setNumThreads(threads)
-    luminance = views.luminance
     patches = np.zeros(views.alpha.shape, np.int16)
 
     def work(view: int) -> None:
-        cut = crop(luminance[view], views.alpha[view])
+        cut = crop(views.grey(view), views.alpha[view])
         if cut is not None:
             patches[view] = cut.paste(_repair_view(views, view, cut, samples), views.alpha.shape[1:])
 

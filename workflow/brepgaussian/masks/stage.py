@@ -56,13 +56,12 @@ def detect(views: Views, settings: MasksSettings, threads: int = 1, truth: Truth
     patch_detector = PATCHES[settings.patches](views, settings, truth)
     edge_detector = EDGES[settings.edges](views, settings)
     cv2.setNumThreads(threads)
-    luminance = views.luminance
     shape = views.alpha.shape
     edges, patches = np.zeros(shape, np.uint8), np.zeros(shape, np.int16)
     noise = np.zeros(shape[0], np.float32)
 
     def work(view: int) -> None:
-        crop = crop_view(luminance[view], views.alpha[view])
+        crop = crop_view(views.grey(view), views.alpha[view])
         if crop is None:
             return
         noise[view] = crop.noise

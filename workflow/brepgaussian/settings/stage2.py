@@ -10,6 +10,11 @@ class Stage2Settings:
     """Patch features on frozen geometry, and mask repair."""
 
     seed: int = setting(0, "Seed of every random choice in this stage.", minimum=0)
+    repair: bool = setting(
+        True,
+        "Repair the patch masks over all views before features learn from them (in place of the paper's correction by "
+        "hand); false = masks as detected.",
+    )
     loss: str = setting(
         "triplet",
         "triplet: hardest negatives with a margin (paper, L_tri). pairwise: the ablation without triplets.",

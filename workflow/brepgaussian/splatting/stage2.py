@@ -1,4 +1,4 @@
-"""Stage 2: patch features on frozen geometry, by contrastive learning on the masks of all views."""
+"""Stage 2: masks repaired over all views, and patch features learned from them on frozen geometry."""
 
 from pathlib import Path
 
@@ -7,12 +7,15 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.base import Provenance
 from brepgaussian.artifacts.masks import read_masks
-from brepgaussian.artifacts.stage1 import Surfels, read_evidence, read_surfels
+from brepgaussian.artifacts.stage1 import Evidence, Surfels, read_evidence, read_surfels
 from brepgaussian.artifacts.stage2 import Stage2
-from brepgaussian.artifacts.views import read_views
+from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import StageError
 from brepgaussian.log import get_logger, progress
+from brepgaussian.masks.repair import repair
+from brepgaussian.points.assign import label_surfels
 from brepgaussian.settings.base import digest
+from brepgaussian.settings.points import PointsSettings
 from brepgaussian.settings.stage2 import Stage2Settings
 from brepgaussian.splatting.contrastive import LOSSES, normalised, through_normalisation
 from brepgaussian.splatting.parameters import BETA1, BETA2, EPSILON
@@ -32,7 +35,7 @@ def train_stage2(
     settings: Stage2Settings,
     threads: int = 1,
 ) -> None:
-    """Learn patch features (paper, section 3.2, stage 2) and write `stage2.h5`.
+    """Repair the masks, learn patch features (paper, section 3.2, stage 2) and write `stage2.h5`.
 
     Args:
         views_path: `views.h5`.
@@ -44,34 +47,54 @@ def train_stage2(
 
     Raises:
         ArtifactError: an input file is missing or damaged.
-        StageError: no view has two mask regions to tell apart.
+        StageError: without repair, no view has two mask regions to tell apart; with it, nothing has a label.
         ToolError: there is no C++ compiler.
     """
     views, masks, surfels = read_views(views_path), read_masks(masks_path), read_surfels(stage1_ply)
     logger.info("settings: %s", settings)
     provenance = Provenance(views.object_name, digest(settings))
-    joint = joint_features(stage1_ply, len(surfels.centers))
-    if joint is not None:
-        logger.info("the features were trained together with the geometry: nothing to do")
-        Stage2(joint, masks.patches, consistent=False).write(out_h5, provenance)
+    evidence = evidence_beside(stage1_ply)
+    patches = repaired(views, masks.patches, surfels, evidence, settings, threads) if settings.repair else masks.patches
+    if len(evidence.features) == len(surfels.centers) and len(surfels.centers):
+        logger.info("the features were trained together with the geometry: nothing to learn")
+        Stage2(evidence.features, patches, settings.repair).write(out_h5, provenance)
         return
-    samples = sample_views(views, masks.patches, surfels, settings, threads)
+    samples = sample_views(views, patches, surfels, settings, threads)
+    if not samples and settings.repair:
+        logger.info("no view shows two patches: all surfels have the same feature")
+        same = normalised(np.ones((len(surfels.centers), settings.dimensions), np.float32))[0]
+        Stage2(same, patches, consistent=True).write(out_h5, provenance)
+        return
     if not samples:
         raise StageError(
             "has no view with two patch regions", file=masks_path, fix="check the masks stage's result for this object"
         )
     features = learn(samples, len(surfels.centers), settings)
     features = fill_unseen(features, samples, surfels)
-    Stage2(features, masks.patches, consistent=False).write(out_h5, provenance)
+    Stage2(features, patches, settings.repair).write(out_h5, provenance)
 
 
-def joint_features(stage1_ply: str | Path, count: int) -> NDArray[np.float32] | None:
-    """Features that stage 1 trained along (the ablation without two stages), from `stage1.h5` beside the PLY."""
+def evidence_beside(stage1_ply: str | Path) -> Evidence:
+    """What stage 1 knows beside the surfels, from `stage1.h5` beside the PLY; empty where there is none."""
     beside = Path(stage1_ply).with_suffix(".h5")
-    if not beside.exists():
-        return None
-    features = read_evidence(beside).features
-    return features if len(features) == count and count else None
+    return read_evidence(beside) if beside.exists() else Evidence()
+
+
+def repaired(
+    views: Views,
+    patches: NDArray[np.int16],
+    surfels: Surfels,
+    evidence: Evidence,
+    settings: Stage2Settings,
+    threads: int,
+) -> NDArray[np.int16]:
+    """Patch ids that mean the same face in every view: the surfels are labelled once, then projected into all views.
+
+    The labels are provisional: they stand on the masks as detected, normals and primitives; the features come later.
+    """
+    found = label_surfels(views, patches, surfels, evidence, PointsSettings(seed=settings.seed))
+    logger.info("provisional patches: %d", int(found.label.max()) + 1)
+    return repair(views, found.samples.xyz, found.samples.normals, found.label, threads)
 
 
 def learn(samples: list[Samples], count: int, settings: Stage2Settings) -> NDArray[np.float32]:
