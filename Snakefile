@@ -12,7 +12,8 @@ configfile: "config/config.yaml"
 report: "workflow/report/workflow.rst"
 
 
-validate(config, "workflow/schemas/config.schema.yaml")
+# defaults stay out of the config: laid over `full`, a variant's would undo the settings of `full`
+validate(config, "workflow/schemas/config.schema.yaml", set_default=False)
 
 
 include: "workflow/rules/common.smk"
@@ -25,6 +26,9 @@ include: "workflow/rules/primitives.smk"
 include: "workflow/rules/brep.smk"
 include: "workflow/rules/metrics.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/benchmark_plan.smk"
+include: "workflow/rules/benchmark.smk"
+include: "workflow/rules/failures.smk"
 
 
 rule all:

@@ -26,12 +26,19 @@ def test_rows_and_failures_are_joined_and_sorted(tmp_path):
     row = {"object": "b", "variant": "full", "status": "ok", "views": 50, "seconds": 61.25, "valid": True}
     table.write_rows([row], tmp_path / "b.csv")
     failure = {"object": "a", "variant": "full", "reason": "stage1: no surfels\nleft"}
-    table.collect([tmp_path / "b.csv"], [failure], tmp_path / "all.csv")
+    table.collect([(tmp_path / "b.csv", "full")], [failure], tmp_path / "all.csv")
     first, second = table.read_rows(tmp_path / "all.csv")
     assert (first["object"], first["status"], first["reason"]) == ("a", "failed", "stage1: no surfels left")
     assert first["valid"] is None
     assert (second["seconds"], second["valid"], second["views"], second["mask_iou"]) == (61.25, True, 50, None)
     assert (tmp_path / "all.csv").read_text().splitlines()[0] == ",".join(DOCUMENTED)
+
+
+def test_a_row_that_two_variants_share_stands_once_for_each(tmp_path):
+    table.write_rows([{"object": "a", "variant": "full", "status": "ok", "views": 50}], tmp_path / "a.csv")
+    table.collect([(tmp_path / "a.csv", "views_50"), (tmp_path / "a.csv", "full")], [], tmp_path / "all.csv")
+    rows = table.read_rows(tmp_path / "all.csv")
+    assert [(row["variant"], row["views"]) for row in rows] == [("full", 50), ("views_50", 50)]
 
 
 def test_writing_twice_gives_the_same_bytes(tmp_path):

@@ -20,10 +20,18 @@ def test_every_object_has_a_row_or_a_reason(tmp_path):
     (tmp_path / "full" / "good" / "metrics.csv").write_text("x\n")
     record(failure_path(tmp_path, "full", "bad", "views"), Failure("views", "views: no images"))
     rows, failed = unfinished(tmp_path, VARIANTS, ["full"], ["good", "bad", "killed"])
-    assert [row.parent.name for row in rows] == ["good"]
+    assert [(row.parent.name, variant) for row, variant in rows] == [("good", "full")]
     assert [f["object"] for f in failed] == ["bad", "killed"]
     assert failed[0]["reason"] == "views: no images"
     assert "logs" in failed[1]["reason"]
+
+
+def test_a_variant_that_changes_nothing_has_a_row_of_its_own_name(tmp_path):
+    variants = read_variants({}, {"same": {"primitives": {}}})
+    (tmp_path / "full" / "good").mkdir(parents=True)
+    row = tmp_path / "full" / "good" / "metrics.csv"
+    row.write_text("x\n")
+    assert unfinished(tmp_path, variants, ["full", "same"], ["good"]) == ([(row, "full"), (row, "same")], [])
 
 
 def test_a_damaged_record_still_gives_a_reason(tmp_path):

@@ -1,6 +1,6 @@
 import pytest
 from brepgaussian.errors import InputError
-from brepgaussian.project.objects import configured_objects, read_objects
+from brepgaussian.project.objects import known_objects, read_objects, selected
 
 HEAD = "object\tsource\tpath\ttruth\tgroup\n"
 
@@ -42,10 +42,25 @@ def test_a_missing_table_and_wrong_columns_are_named(tmp_path):
 
 
 def test_select_narrows_the_table(tmp_path):
-    path = table(tmp_path, "a\tpart\tx\t\t\nb\tpart\ty\t\t\n")
-    assert list(configured_objects({"objects": str(path), "select": ["b"]})) == ["b"]
-    with pytest.raises(InputError, match="'c'"):
-        configured_objects({"objects": str(path), "select": ["c"]})
+    known = known_objects({"objects": str(table(tmp_path, "a\tpart\tx\t\t\nb\tpart\ty\t\t\n"))})
+    assert list(selected(known, ["b"])) == ["b"]
+    assert list(selected(known, [])) == ["a", "b"]
+    with pytest.raises(InputError, match=r"benchmark\.objects names 'c'"):
+        selected(known, ["c"], "benchmark.objects")
+
+
+def test_a_table_and_a_folder_of_abc_nef_stand_together(tmp_path):
+    for name in ("00000001", "00000002"):
+        (tmp_path / "nef" / name / "train_img").mkdir(parents=True)
+    path = table(tmp_path, "a\tpart\tx\t\t\n")
+    config = {"objects": str(path), "abc_nef": {"root": str(tmp_path / "nef"), "tuned": ["00000002"]}}
+    groups = {name: row.group for name, row in known_objects(config).items()}
+    assert groups == {"a": "holdout", "00000001": "holdout", "00000002": "tuned"}
+    path.write_text(HEAD + "00000001\tpart\tx\t\t\n")
+    with pytest.raises(InputError, match="00000001 stands in"):
+        known_objects(config)
+    with pytest.raises(InputError, match="no objects"):
+        known_objects({"objects": ""})
 
 
 def test_the_shipped_table_lists_every_bundled_part():

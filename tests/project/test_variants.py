@@ -32,6 +32,12 @@ def test_variants_with_the_same_settings_share_every_stage(variants):
     assert variants.owner("no_edge_again", "stage1") == "no_edge"
 
 
+def test_a_setting_that_is_written_out_though_it_is_the_default_changes_nothing():
+    variants = read_variants({"stage1": {"iterations": 90}}, {"same": {"stage1": {"edge_loss": True}}})
+    assert variants.owner("same", "brep") == "full"
+    assert variants.settings("same", "stage1")["iterations"] == 90
+
+
 def test_an_overlay_is_laid_over_the_base(variants):
     assert variants.settings("no_edge", "masks") == {"seed": 3}
     assert variants.settings("no_edge", "stage1") == {"edge_loss": False}

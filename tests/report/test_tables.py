@@ -87,7 +87,7 @@ def test_all_files_are_written(tmp_path):
     write_rows(rows, tmp_path / "metrics.csv")
     tables.make_tables(tmp_path / "metrics.csv", GROUPS, tmp_path / "tables")
     names = {p.name for p in (tmp_path / "tables").iterdir()}
-    stems = "1_patches 2_edges 3_cad 3_solids 5_masks 6_views objects failures".split()
+    stems = "1_patches 2_edges 3_cad 3_solids 5_masks 6_views objects runs failures".split()
     assert names == {f"{s}.{e}" for s in stems for e in ("csv", "md", "tex")} | {"views.png", "readme.md"}
     latex = (tmp_path / "tables" / "3_cad.tex").read_text()
     body = [line for line in latex.splitlines() if line.endswith(r"\\")]

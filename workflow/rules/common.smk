@@ -11,7 +11,12 @@ from brepgaussian.errors import BrepGaussianError
 from brepgaussian.project.code import code_stamp
 from brepgaussian.project.environment import export_library
 from brepgaussian.project.failures import failure_path, unfinished
-from brepgaussian.project.objects import configured_objects, has_truth, source_files
+from brepgaussian.project.objects import (
+    has_truth,
+    known_objects,
+    selected,
+    source_files,
+)
 from brepgaussian.project.stages import STAGES, upstream
 from brepgaussian.project.variants import read_variants
 
@@ -19,12 +24,16 @@ export_library()  # to the scripts, in conda environments too
 RESULTS = config["results"]
 
 try:
-    OBJECTS = configured_objects(config)
+    KNOWN = known_objects(config)
+    OBJECTS = selected(KNOWN, config.get("select") or [])  # those of the targets
     VARIANTS = read_variants(
         config.get("settings") or {}, config.get("overlays") or {}, config["variants"]
     )
 except BrepGaussianError as error:
     raise WorkflowError(str(error))
+
+GROUPS = {name: row.group for name, row in OBJECTS.items()}
+EXTERNAL = {entry["method"]: entry for entry in config.get("external") or []}
 
 
 def pattern(names):
@@ -33,7 +42,7 @@ def pattern(names):
 
 
 wildcard_constraints:
-    object=pattern(OBJECTS),
+    object=pattern(KNOWN),
     variant=pattern(VARIANTS.names),
 
 
@@ -42,18 +51,21 @@ def made(file):
     return f"{RESULTS}/{{variant}}/{{object}}/{file}"
 
 
+def artifact(variant, name, stage, file):
+    """A stage's file of an object, in the folder of the variant that keeps it."""
+    return f"{RESULTS}/{VARIANTS.owner(variant, stage)}/{name}/{file}"
+
+
 def kept(stage, file):
     """An input function: a stage's file, in the folder of the variant that keeps it."""
-    return (
-        lambda wildcards: f"{RESULTS}/{VARIANTS.owner(wildcards.variant, stage)}/{wildcards.object}/{file}"
-    )
+    return lambda wildcards: artifact(wildcards.variant, wildcards.object, stage, file)
 
 
 def truth(wildcards):
     """The object's truth, where one is known."""
     return (
         kept("views", "truth.h5")(wildcards)
-        if has_truth(OBJECTS[wildcards.object])
+        if has_truth(KNOWN[wildcards.object])
         else []
     )
 
@@ -75,35 +87,30 @@ def code(stage):
     return code_stamp(STAGES[stage].module)
 
 
+def benchmark_file(variant, name, stage):
+    """Where Snakemake writes time and memory of a stage of an object."""
+    return f"benchmarks/{VARIANTS.owner(variant, stage)}/{name}/{stage}.tsv"
+
+
 def benchmarks(wildcards):
     """Benchmark files of the stages that lead to an object's solid."""
     return [
-        f"benchmarks/{VARIANTS.owner(wildcards.variant, stage)}/{wildcards.object}/{stage}.tsv"
+        benchmark_file(wildcards.variant, wildcards.object, stage)
         for stage in upstream("brep")
     ]
 
 
-def rows():
-    """One row of metrics an object and variant."""
-    return expand(
-        made("metrics.csv"),
-        variant=config["variants"],
-        object=OBJECTS,
-    )
+def of_all(stage, file):
+    """A stage's file of every configured variant and object, in this order; shared ones several times."""
+    return [
+        artifact(variant, name, stage, file)
+        for variant in config["variants"]
+        for name in OBJECTS
+    ]
 
 
-def publish_what_there_is():
-    """After a failure: the table with a row for every object all the same, the failed ones with their reason."""
-    from brepgaussian.metrics.table import collect
-
-    table = f"{RESULTS}/metrics.csv"
-    if workflow.dag is None or table not in map(
-        str, workflow.dag.targetfiles | workflow.dag.derived_targetfiles
-    ):
-        return
-    done, failed = unfinished(RESULTS, VARIANTS, config["variants"], OBJECTS)
-    collect(done, failed, table)
-    print(
-        f"{len(failed)} object(s) failed: see the column `reason` of {table}",
-        file=sys.stderr,
-    )
+def other_methods():
+    """Tables of the baselines and of other methods on our objects."""
+    known = [name for name, row in OBJECTS.items() if has_truth(row)]
+    baselines = [f"{RESULTS}/full/{name}/baselines.csv" for name in known]
+    return baselines + [f"{RESULTS}/external/{method}.csv" for method in EXTERNAL]

@@ -31,7 +31,7 @@ rule object_metrics:
 
 rule metrics:
     input:
-        rows=rows(),
+        rows=of_all("metrics", "metrics.csv"),
     output:
         table=report(
             ensure(f"{RESULTS}/metrics.csv", non_empty=True),
@@ -46,6 +46,7 @@ rule metrics:
         "../../envs/environment.yaml"
     threads: 1
     params:
+        variants=[variant for variant in config["variants"] for name in OBJECTS],
         code=code("metrics"),
     script:
         "../scripts/collect_metrics.py"

@@ -1,5 +1,5 @@
-# report: a page and a contact sheet per object, tables.
-# needs: everything.  makes: view.html, sheet.png, tables
+# report: a page and a contact sheet per object, other methods beside ours, tables.
+# needs: everything.  makes: view.html, sheet.png, baselines.csv, point2cad.txt, external/*.csv, tables
 
 
 rule page:
@@ -51,18 +51,104 @@ rule page:
 rule pages:
     """All pages and contact sheets."""
     input:
-        expand(
-            made("{file}"),
-            variant=config["variants"],
-            object=OBJECTS,
-            file=["view.html", "sheet.png"],
+        sorted(
+            {
+                path
+                for file in ("view.html", "sheet.png")
+                for path in of_all("report", file)
+            }
         ),
+
+
+rule baselines:
+    """Plain baselines on our densified points: planes by RANSAC, region growing, a Poisson mesh."""
+    input:
+        points=kept("points", "points.ply"),
+        truth=kept("views", "truth.h5"),
+    output:
+        rows=ensure(made("baselines.csv"), non_empty=True),
+    log:
+        "logs/{variant}/{object}/baselines.log",
+    benchmark:
+        "benchmarks/{variant}/{object}/baselines.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        settings=settings("metrics"),
+        code=code_stamp("brepgaussian.metrics.baselines"),
+    script:
+        "../scripts/baselines.py"
+
+
+rule external:
+    """Results of another method, scored like ours: `external` in config."""
+    input:
+        views=[
+            artifact("full", name, "views", "views.h5")
+            for name, row in OBJECTS.items()
+            if has_truth(row)
+        ],
+        truth=[
+            artifact("full", name, "views", "truth.h5")
+            for name, row in OBJECTS.items()
+            if has_truth(row)
+        ],
+    output:
+        rows=ensure(f"{RESULTS}/external/{{method}}.csv", non_empty=True),
+    log:
+        "logs/external/{method}.log",
+    benchmark:
+        "benchmarks/external/{method}.tsv"
+    wildcard_constraints:
+        method=pattern(EXTERNAL),
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        objects=[name for name, row in OBJECTS.items() if has_truth(row)],
+        folder=lambda wildcards: EXTERNAL[wildcards.method]["folder"],
+        frame=lambda wildcards: EXTERNAL[wildcards.method].get("frame", "unit"),
+        settings=VARIANTS.settings("full", "metrics"),
+        code=code_stamp("brepgaussian.metrics.external"),
+    script:
+        "../scripts/external.py"
+
+
+rule point2cad:
+    """Our labelled points as Point2CAD reads them: x y z label."""
+    input:
+        points=kept("points", "points.ply"),
+    output:
+        text=ensure(made("point2cad.txt"), non_empty=True),
+    log:
+        "logs/{variant}/{object}/point2cad.log",
+    benchmark:
+        "benchmarks/{variant}/{object}/point2cad.tsv"
+    conda:
+        "../../envs/environment.yaml"
+    threads: 1
+    params:
+        code=code_stamp("brepgaussian.report.export"),
+    script:
+        "../scripts/point2cad.py"
+
+
+rule exports:
+    """The labelled points of all objects, for Point2CAD."""
+    input:
+        sorted(set(of_all("points", "point2cad.txt"))),
 
 
 rule tables:
     """The paper's tables with the stricter columns, for the configured objects and variants."""
     input:
         table=rules.metrics.output.table,
+        others=other_methods(),
     output:
         tables=report(
             directory(f"{RESULTS}/tables"),
@@ -78,7 +164,7 @@ rule tables:
         "../../envs/environment.yaml"
     threads: 1
     params:
-        groups={name: row.group for name, row in OBJECTS.items()},
+        groups=GROUPS,
         code=code_stamp("brepgaussian.report.tables"),
     script:
         "../scripts/tables.py"

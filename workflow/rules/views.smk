@@ -4,7 +4,7 @@
 
 rule views:
     input:
-        files=lambda wildcards: source_files(OBJECTS[wildcards.object]),
+        files=lambda wildcards: source_files(KNOWN[wildcards.object]),
     output:
         views=ensure(made("views.h5"), non_empty=True),
         truth=ensure(made("truth.h5"), non_empty=True),
@@ -13,14 +13,14 @@ rule views:
     benchmark:
         "benchmarks/{variant}/{object}/views.tsv"
     wildcard_constraints:
-        object=pattern(name for name, row in OBJECTS.items() if has_truth(row)),
+        object=pattern(name for name, row in KNOWN.items() if has_truth(row)),
     conda:
         "../../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=3000,
     params:
-        row=lambda wildcards: vars(OBJECTS[wildcards.object]),
+        row=lambda wildcards: vars(KNOWN[wildcards.object]),
         settings=settings("views"),
         failure=failure("views"),
         code=code("views"),
@@ -32,4 +32,4 @@ use rule views as views_without_truth with:
     output:
         views=ensure(made("views.h5"), non_empty=True),
     wildcard_constraints:
-        object=pattern(name for name, row in OBJECTS.items() if not has_truth(row)),
+        object=pattern(name for name, row in KNOWN.items() if not has_truth(row)),

@@ -1,10 +1,11 @@
 """Rule `metrics`: the rows of all objects to one table."""
 
-from pathlib import Path
-
 from brepgaussian.jobs import job
 
-with job("metrics", snakemake.log[0], snakemake.threads):
-    from brepgaussian.metrics.table import collect
+with job("metrics", snakemake.log[0], snakemake.threads) as log:
+    from brepgaussian.metrics.table import collect, read_rows
+    from brepgaussian.report.runs import summary_line
 
-    collect([Path(row) for row in snakemake.input.rows], [], snakemake.output.table)
+    rows = list(zip(snakemake.input.rows, snakemake.params.variants, strict=True))
+    collect(rows, [], snakemake.output.table)
+    log.info(summary_line(read_rows(snakemake.output.table)))

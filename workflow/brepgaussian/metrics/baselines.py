@@ -100,6 +100,20 @@ def score_baselines(points: Points, truth: Truth, settings: MetricsSettings) -> 
     return rows
 
 
+def write_baselines(
+    *,
+    object_name: str,
+    points_path: str | Path,
+    truth_path: str | Path,
+    out_csv: str | Path,
+    settings: MetricsSettings,
+) -> None:
+    """Write the rows of `metrics.csv` of all baselines on one object; the baseline is the variant."""
+    scores = score_baselines(read_points(points_path), read_truth(truth_path), settings)
+    rows = [{"object": object_name, "variant": name, "status": OK, **row} for name, row in scores.items()]
+    write_rows(rows, out_csv)
+
+
 def _pieces(xyz: NDArray[np.floating], labels: Labels) -> Labels:
     """Connected pieces of each label in the graph of nearest neighbours."""
     neighbours = cKDTree(xyz).query(xyz, _NEIGHBOURS + 1)[1][:, 1:]

@@ -39,15 +39,16 @@ def read_rows(path: str | Path) -> list[dict[str, Any]]:
         raise ArtifactError(f"cannot be read ({error.strerror})", file=path, fix="rerun the metrics rule") from error
 
 
-def collect(rows: Sequence[str | Path], failures: Sequence[Mapping[str, Any]], out_csv: str | Path) -> None:
+def collect(rows: Sequence[tuple[str | Path, str]], failures: Sequence[Mapping[str, Any]], out_csv: str | Path) -> None:
     """Join one-row tables and failed objects into one `metrics.csv`, sorted by object and variant.
 
     Args:
-        rows: files written by `score_object`.
+        rows: files written by `score_object`, each with the variant that it stands for: a variant that changes
+            nothing shares the file of another.
         failures: mappings with `object`, `variant`, `reason` and, where known, other columns.
         out_csv: the joined table.
     """
-    found = [row for path in rows for row in read_rows(path)]
+    found = [{**row, "variant": variant} for path, variant in rows for row in read_rows(path)]
     found += [{**failure, "status": FAILED} for failure in failures]
     found.sort(key=lambda row: (str(row["object"]), str(row["variant"])))
     write_rows(found, out_csv)

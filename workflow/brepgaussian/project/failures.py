@@ -43,14 +43,15 @@ def find_failure(results: str | Path, variants: Variants, variant: str, object_n
 
 def unfinished(
     results: str | Path, variants: Variants, wanted: Iterable[str], objects: Iterable[str]
-) -> tuple[list[Path], list[dict[str, str]]]:
+) -> tuple[list[tuple[Path, str]], list[dict[str, str]]]:
     """What there is after a run with failures.
 
     Returns:
-        Rows of metrics of the objects that have one, and for each other object and variant a mapping with
-        `object`, `variant` and `reason`.
+        A row of metrics and the variant that it stands for, of each object and variant that has one (variants that
+        change nothing share a row), and for each other object and variant a mapping with `object`, `variant`
+        and `reason`.
     """
-    rows: list[Path] = []
+    rows: list[tuple[Path, str]] = []
     failed: list[dict[str, str]] = []
     for variant in wanted:
         folder = Path(results) / variants.owner(variant, "metrics")
@@ -58,7 +59,7 @@ def unfinished(
             row = folder / name / "metrics.csv"
             failure = find_failure(results, variants, variant, name)
             if row.exists() and not failure:
-                rows.append(row)
+                rows.append((row, variant))
             else:
                 reason = failure.reason if failure else "did not finish and recorded no reason: see its logs"
                 failed.append({"object": name, "variant": variant, "reason": reason})

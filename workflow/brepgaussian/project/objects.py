@@ -2,8 +2,8 @@
 
 import csv
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,25 +72,50 @@ def _row(record: dict[str, str | None], path: Path) -> ObjectRow:
     return row
 
 
-def configured_objects(config: Mapping[str, Any]) -> dict[str, ObjectRow]:
-    """The objects that a config asks for: a table's rows, or all of an ABC-NEF folder, narrowed by `select`.
+def known_objects(config: Mapping[str, Any]) -> dict[str, ObjectRow]:
+    """All objects that a config knows: a table's rows and those of an ABC-NEF folder.
 
     Raises:
-        InputError: neither is given, the table is malformed, or `select` names an unknown object.
+        InputError: neither is given, the table is malformed, or a name stands in both.
     """
-    if config.get("abc_nef"):
-        from brepgaussian.views.abc_nef_layout import find_abc_nef
-
-        found = {row.name: row for row in find_abc_nef(config["abc_nef"]["root"], config["abc_nef"].get("truth", ""))}
-    elif config.get("objects"):
-        found = read_objects(config["objects"])
-    else:
+    if not config.get("objects") and not config.get("abc_nef"):
         raise InputError("config names no objects", fix="set `objects` to a table, or `abc_nef`")
-    names = config.get("select") or list(found)
+    found = read_objects(config["objects"]) if config.get("objects") else {}
+    for row in _abc_nef_objects(config.get("abc_nef") or {}):
+        if row.name in found:
+            raise InputError(
+                f"{row.name} stands in {config['objects']} and in {config['abc_nef']['root']}",
+                fix="give one of them another name",
+            )
+        found[row.name] = row
+    return found
+
+
+def _abc_nef_objects(folder: Mapping[str, Any]) -> list[ObjectRow]:
+    if not folder:
+        return []
+    from brepgaussian.views.abc_nef_layout import find_abc_nef
+
+    tuned = folder.get("tuned") or ()
+    rows = find_abc_nef(folder["root"], folder.get("truth", ""))
+    return [replace(row, group=GROUPS[0] if row.name in tuned else GROUPS[1]) for row in rows]
+
+
+def selected(known: Mapping[str, ObjectRow], names: Sequence[str], key: str = "select") -> dict[str, ObjectRow]:
+    """The objects of these names; all if there are none.
+
+    Args:
+        known: all objects.
+        names: some of their names.
+        key: the key of config that holds them, for the message.
+
+    Raises:
+        InputError: a name is unknown.
+    """
     for name in names:
-        if name not in found:
-            raise InputError(f"select names {name!r}, which is not among the objects", fix="mend `select` in config")
-    return {name: found[name] for name in names}
+        if name not in known:
+            raise InputError(f"{key} names {name!r}, which is not among the objects", fix=f"mend `{key}` in config")
+    return {name: known[name] for name in names or known}
 
 
 def has_truth(row: ObjectRow) -> bool:

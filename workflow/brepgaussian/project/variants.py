@@ -6,6 +6,8 @@ from typing import Any
 
 from brepgaussian.errors import SettingsError
 from brepgaussian.project.stages import STAGES, upstream
+from brepgaussian.settings.base import build
+from brepgaussian.settings.registry import STAGES as SETTINGS
 
 FULL = "full"
 Settings = dict[str, dict[str, Any]]  # stage -> setting -> value
@@ -40,8 +42,9 @@ class Variants:
                 return candidate
         return variant
 
-    def _fingerprint(self, variant: str, stage: str) -> list[dict[str, Any]]:
-        return [self.settings(variant, name) for name in upstream(stage)]
+    def _fingerprint(self, variant: str, stage: str) -> list[Any]:
+        """The settings of a stage and of all upstream, defaults filled in."""
+        return [build(SETTINGS[name], self.settings(variant, name), name) for name in upstream(stage)]
 
     def _overlay(self, variant: str) -> Settings:
         if variant == FULL:

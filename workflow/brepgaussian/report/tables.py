@@ -11,6 +11,7 @@ from brepgaussian.metrics.table import read_rows
 from brepgaussian.report import captions, paper
 from brepgaussian.report.formats import Cell, Column, Table, as_markdown, write
 from brepgaussian.report.plots import plot_views
+from brepgaussian.report.runs import runs_table
 from brepgaussian.report.summary import (
     FULL,
     Row,
@@ -26,7 +27,8 @@ ABLATIONS = {
     "no_two_stage": "w/o two-stage learning",
     "no_triplet": "w/o triplet loss",
     "no_edge": "w/o edge segmentation",
-    "no_densification": "w/o densification",
+    "no_densification": "w/o densification of points",
+    "no_splitting": "w/o splitting of surfels",
     FULL: "full",
 }
 MASKS_PREFIX, VIEWS_PREFIX = "masks_", "views_"
@@ -71,6 +73,7 @@ def all_tables(rows: Sequence[Row], groups: Mapping[str, str], others: Sequence[
         _variants("5_masks", _mask_columns(), paper.MASKS, rows, lambda name: name.startswith(MASKS_PREFIX)),
         views_table(rows),
         objects_table(full, groups),
+        runs_table(rows),
         failures_table(rows),
     ]
     return [table for table in found if table is not None]

@@ -32,6 +32,28 @@ _TOP: dict[str, tuple[Any, str]] = {
 _ABC_NEF = {
     "root": "Folder that holds the dataset's objects, in either published layout.",
     "truth": "Folder with the truth files, if they do not lie beside the images.",
+    "tuned": "Names of the objects on which thresholds were chosen; all others count as held out.",
+}
+_EXTERNAL = {
+    "method": "Name of the method in the tables.",
+    "folder": "Folder with one labelled cloud, mesh or STEP file an object, `<object>.<ending>`.",
+    "frame": "Frame of its files: `unit` or `world`.",
+}
+_NAMES = {"type": "array", "items": {"type": "string"}}
+_NUMBERS = {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 1}
+_COUNTS = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 1}
+_SEEDS = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 1}
+_BENCHMARK: dict[str, tuple[Any, str]] = {
+    "objects": (_NAMES, "Objects of the benchmarks; empty means all that have a truth."),
+    "stage1": (_NAMES, "Variants that `stage1.csv` compares; each is a method."),
+    "masks": (_NAMES, "Variants whose masks `masks.csv` scores."),
+    "labels": (_NAMES, "Variants whose labelled points `labels.csv` scores."),
+    "surfels": (_COUNTS, "Numbers of surfels in `splatting.csv`."),
+    "pixels": (_COUNTS, "Sides of the images in `splatting.csv`, px."),
+    "sigmas": (_NUMBERS, "Noise of the points in `brep.csv`, unit frame."),
+    "wrong_labels": (_NUMBERS, "Shares of wrong labels in `brep.csv`, on undamaged clouds."),
+    "damages": (_NAMES, "Damages in `brep.csv`, at the noise and with the wrong labels that come first."),
+    "seeds": (_SEEDS, "Seeds of `brep.csv`; parts vary with them."),
 }
 
 
@@ -48,7 +70,32 @@ def config_schema() -> dict[str, Any]:
         "description": "Take all objects of an ABC-NEF folder.",
         "additionalProperties": False,
         "required": ["root"],
-        "properties": {k: {"type": "string", "description": text} for k, text in _ABC_NEF.items()},
+        "properties": {
+            k: {**(_NAMES if k == "tuned" else {"type": "string"}), "description": text} for k, text in _ABC_NEF.items()
+        },
+    }
+    properties["external"] = {
+        "type": "array",
+        "description": "Results of other methods on the same objects, scored like ours.",
+        "items": {
+            "type": "object",
+            "additionalProperties": False,
+            "required": ["method", "folder"],
+            "properties": {
+                k: {
+                    "type": "string",
+                    **({"enum": ["unit", "world"]} if k == "frame" else {"minLength": 1}),
+                    "description": text,
+                }
+                for k, text in _EXTERNAL.items()
+            },
+        },
+    }
+    properties["benchmark"] = {
+        "type": "object",
+        "description": "What the tables under `results/benchmark` cover.",
+        "additionalProperties": False,
+        "properties": {k: {**kind, "description": text} for k, (kind, text) in _BENCHMARK.items()},
     }
     properties["settings"] = {**stages, "description": "Settings of each stage for `full`."}
     properties["overlays"] = {

@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.views.degrade import degrade
 from brepgaussian.views.lighting import Bounce, bounce, cast, direct, display, make_scene
 from brepgaussian.views.mesh import FaceMesh
 from brepgaussian.views.refine import split_long_edges
@@ -64,7 +65,7 @@ def render(
     ids = np.full((count, height, width), -1, np.int16)
     for view in views:
         grey, alpha[view], ids[view] = _render_view(painter, cameras, view, settings.subsamples)
-        rgb[view] = _degrade(grey, alpha[view], settings, view)
+        rgb[view] = degrade(np.repeat(grey[:, :, None], 3, axis=2), alpha[view], settings, view)
     return Rendering(rgb, alpha, ids)
 
 
@@ -197,20 +198,3 @@ def _centers(window: tuple[slice, slice]) -> Array:
     """(N, 2) pixel centres of a window, row by row."""
     rows, columns = np.mgrid[window]
     return np.column_stack([columns.ravel() + 0.5, rows.ravel() + 0.5])
-
-
-def _degrade(grey: Array, alpha: NDArray[np.uint8], settings: ViewsSettings, view: int) -> NDArray[np.uint8]:
-    """Noise and JPEG, where asked for; then (H, W, 3) uint8 with black where nothing is."""
-    image = np.repeat(grey[:, :, None], 3, axis=2)
-    if settings.noise > 0:
-        random = np.random.default_rng([settings.seed, view])
-        image = image + random.normal(0, settings.noise, image.shape)
-    quantised = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-    quantised[alpha == 0] = 0
-    if settings.jpeg_quality > 0:
-        import cv2
-
-        _, code = cv2.imencode(".jpg", quantised, [cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality])
-        quantised = np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR), np.uint8)
-        quantised[alpha == 0] = 0
-    return quantised

@@ -13,13 +13,15 @@ from brepgaussian.log import get_logger
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.views.checks import check_silhouettes
+from brepgaussian.views.degrade import degrade_photos
 from brepgaussian.views.source import Loaded
 
 LOG = get_logger("views")
 Loader = Callable[[str, str, str, bool, ViewsSettings, int], Loaded]
+_RENDERED = "source_rendered"  # has put noise into its images itself
 _LOADERS = {
-    "part": ("source_rendered", "load_part"),
-    "step": ("source_rendered", "load_step"),
+    "part": (_RENDERED, "load_part"),
+    "step": (_RENDERED, "load_step"),
     "abc_nef": ("source_abc_nef", "load_abc_nef"),
     "nerf": ("source_nerf", "load_nerf"),
     "colmap": ("source_colmap", "load_colmap"),
@@ -56,8 +58,8 @@ def make_views(
     loaded = _loader(source)(object_name, path, truth, out_truth is not None, settings, threads)
     check_silhouettes(loaded.views, path)
     provenance = Provenance(object_name, digest(settings))
-    loaded.views.write(out_views, provenance)
-    views = loaded.views
+    views = loaded.views if _LOADERS[source][0] == _RENDERED else degrade_photos(loaded.views, settings)
+    views.write(out_views, provenance)
     LOG.info(
         "%s: %d views of %d x %d px, world unit %s, scale %.6g per unit-frame length",
         object_name,
