@@ -49,7 +49,7 @@ def test_blind_pockets_are_opened_down_to_their_floors(tmp_path):
     floors = np.isin(truth.point_face, [f for f in up if heights[f] < max(heights.values()) - 0.01])
 
     def distance(concavities):
-        hull = carve(views, 96, 1, concavities)
+        hull, _ = carve(views, 96, 1, concavities)
         scene = Scene(hull.vertices, hull.triangles)
         return float(np.mean(np.abs(scene.signed_distance(truth.points[floors]))))
 

@@ -16,7 +16,7 @@ def views() -> Views:
 
 @pytest.fixture(scope="module")
 def hull(views: Views) -> Hull:
-    return carve(views, 64)
+    return carve(views, 64)[0]
 
 
 def test_hull_of_a_sphere_has_no_voxel_bias(hull: Hull) -> None:

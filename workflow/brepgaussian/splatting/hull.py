@@ -2,6 +2,7 @@
 
 import ctypes
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,14 @@ from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.library import load, pointer
 
+if TYPE_CHECKING:
+    from brepgaussian.splatting.faces import Face
+
 _UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
 _MARGIN = 0.04  # of the unit frame, around the object's box
 _BAND_VOXELS = 3.0  # the field is exact this far from the surface
 _PACKING = 0.47  # share of the surface under disks of half the distance that dart throwing reaches (measured)
+_REGION_SAMPLES = 6000  # of a hull: a face of a thousandth of its area still gets a few
 _OVERSAMPLING = 12  # candidates per kept point when spreading points evenly
 
 
@@ -56,7 +61,14 @@ def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.where(empty, -distance, distance) + coverage[labels]
 
 
-def carve(views: Views, resolution: int, threads: int = 1, concavities: bool = False, noise: float = 0.0) -> Hull:
+def carve(
+    views: Views,
+    resolution: int,
+    threads: int = 1,
+    concavities: bool = False,
+    noise: float = 0.0,
+    patches: NDArray[np.integer] | None = None,
+) -> tuple[Hull, list["Face"]]:
     """Carve the visual hull on a grid of `resolution`^3 and mesh it.
 
     Args:
@@ -65,6 +77,10 @@ def carve(views: Views, resolution: int, threads: int = 1, concavities: bool = F
         threads: CPU threads; the result does not depend on it.
         concavities: also open what the images show to be open although no silhouette does.
         noise: standard deviation of the images' noise, grey levels.
+        patches: (V, H, W) region ids of the masks: also cut what stands above planar faces; None = don't.
+
+    Returns:
+        The hull and the planar faces that were confirmed.
 
     Raises:
         StageError: no voxel lies inside every silhouette.
@@ -78,12 +94,27 @@ def carve(views: Views, resolution: int, threads: int = 1, concavities: bool = F
             "the silhouettes have no common inside",
             fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
         )
+    faces: list[Face] = []
+    if patches is not None:
+        from brepgaussian.splatting.faces import flatten_faces
+
+        field, faces = flatten_faces(
+            views, patches, field, origin, spacing, lambda f: _mesh(f, origin, spacing), _sample, noise
+        )
     if concavities:
         from brepgaussian.splatting.concave import open_concavities
 
         field = open_concavities(views, field, origin, spacing, lambda f: _mesh(f, origin, spacing), noise)[0]
     vertices, triangles = _mesh(field, origin, spacing)
-    return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing)
+    return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing), faces
+
+
+def _sample(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (N, 3) and normals (N, 3) spread evenly over a mesh, enough for the regions of the masks."""
+    hull = Hull(vertices, triangles, vertex_normals(vertices, triangles), 0.0)
+    return spread(hull, _REGION_SAMPLES, 0)[:2]
 
 
 def _mesh(

@@ -18,6 +18,7 @@ from brepgaussian.splatting.camera import RenderOptions
 from brepgaussian.splatting.contrastive import normalised
 from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
 from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
+from brepgaussian.splatting.faces import Face, assign, planes
 from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.joint import JointFeatures
 from brepgaussian.splatting.library import Cloud, Floats, Raster
@@ -77,7 +78,8 @@ def train_stage1(
     evidence = Evidence(
         hull_vertices=trained.hull.vertices.astype(np.float32),
         hull_triangles=trained.hull.triangles.astype(np.int32),
-        face_id=np.full(len(surfels.centers), -1, np.int32),
+        face_id=assign(trained.faces, surfels.centers, surfels.normals, trained.hull.spacing),
+        face_planes=planes(trained.faces),
         losses=np.array(trained.losses, np.float32),
         features=trained.features,
     )
@@ -93,6 +95,7 @@ class Trained:
 
     parameters: Parameters
     hull: Hull
+    faces: list[Face]
     losses: list[float]
     features: Floats
 
@@ -100,7 +103,8 @@ class Trained:
 def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> Trained:
     """Hull, start, training."""
     noise = float(np.median(masks.noise))
-    hull = carve(views, settings.hull_resolution, threads, settings.concavities, noise)
+    regions = masks.patches if settings.flat_faces else None
+    hull, faces = carve(views, settings.hull_resolution, threads, settings.concavities, noise, regions)
     parameters = start(views, hull, settings) if settings.recipe == "fast" else random_start(views, settings)
     targets = make_targets(views, masks, settings.image_size)
     joint = None
@@ -109,7 +113,7 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> T
         joint = JointFeatures(masks, scale, parameters.cloud.centers, settings.seed, settings.joint_weight)
     parameters, losses = optimise(parameters, targets, settings, threads, joint)
     features = normalised(joint.features)[0] if joint else np.zeros((0, 0), np.float32)
-    return Trained(parameters, hull, losses, features)
+    return Trained(parameters, hull, faces, losses, features)
 
 
 def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:

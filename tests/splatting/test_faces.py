@@ -1,0 +1,128 @@
+"""Planar faces from regions: planes against analytic ones, and what must not pass for a plane."""
+
+import cv2
+import numpy as np
+import pytest
+from brepgaussian.artifacts.truth import read_truth
+from brepgaussian.artifacts.views import read_views
+from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.faces.align import Stack, align
+from brepgaussian.splatting.faces.candidates import Candidate
+from brepgaussian.splatting.faces.confirm import over
+from brepgaussian.splatting.hull import carve
+from brepgaussian.views.stage import make_views
+
+SIZE, FOCAL = 400, 520.0
+
+
+def ring_of_cameras(count=12):
+    poses = []
+    for k in range(count):
+        angle, height = 2 * np.pi * k / count, 0.9 + 0.5 * (k % 3)
+        center = np.array([0.5 + 1.3 * np.cos(angle), 0.5 + 1.3 * np.sin(angle), 0.5 + height])
+        forward = np.array([0.5, 0.5, 0.5]) - center
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0, 0, 1.0])
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        poses.append(np.vstack([np.column_stack([rotation, -rotation @ center]), [0, 0, 0, 1]]))
+    return Cameras(np.tile([FOCAL, FOCAL, SIZE / 2, SIZE / 2], (count, 1)), np.array(poses), SIZE, SIZE)
+
+
+def masks_of(cameras, corners):
+    """(V, H, W) region 1 where each view shows the polygon."""
+    masks = np.zeros((len(cameras), SIZE, SIZE), np.int32)
+    for view in range(len(cameras)):
+        pixels = cameras.project(view, corners)[0]
+        cv2.fillPoly(masks[view], [np.round((pixels - 0.5) * 16).astype(np.int32)], 1, shift=4)
+    return masks
+
+
+def nothing():
+    """A scene whose only triangle hides nothing."""
+    return Scene(np.array([[9.0, 9, 9], [9.1, 9, 9], [9, 9.1, 9]]), np.array([[0, 1, 2]]))
+
+
+def candidate_on(plane_at, cameras, bulge, seed):
+    """Samples of a hull that bulges above z = plane_at(x, y) by up to `bulge`."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0.3, 0.7, (400, 2))
+    bump = bulge * np.prod(1 - ((xy - 0.5) / 0.2) ** 2, axis=1)
+    points = np.column_stack([xy, plane_at(xy) + bump])
+    return Candidate(points, np.tile([0, 0, 1.0], (len(points), 1)), dict.fromkeys(range(len(cameras)), 1))
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_the_plane_of_a_region_is_found_under_a_bulge(seed):
+    rng = np.random.default_rng(seed)
+    slope, height = rng.uniform(-0.08, 0.08, 2), rng.uniform(0.45, 0.55)
+    cameras = ring_of_cameras()
+
+    def plane_at(xy):
+        return height + (xy - 0.5) @ slope
+
+    square = np.array([[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]])
+    masks = masks_of(cameras, np.column_stack([square, plane_at(square)]))
+    candidate = candidate_on(plane_at, cameras, 0.03, seed)
+    aligned = align(Stack(cameras, masks, candidate), candidate, nothing())
+    assert aligned is not None
+    normal = np.array([*-slope, 1.0]) / np.linalg.norm([*slope, 1.0])
+    assert np.degrees(np.arccos(min(aligned.normal @ normal, 1))) < 0.3
+    through = np.array([0.5, 0.5, height])
+    assert abs((aligned.through - through) @ normal) < 0.001  # a third of a pixel's footprint
+    assert aligned.disagreement < 0.01
+
+
+def test_one_region_over_a_step_is_no_plane():
+    cameras = ring_of_cameras()
+    low = masks_of(cameras, np.array([[0.3, 0.3, 0.44], [0.5, 0.3, 0.44], [0.5, 0.7, 0.44], [0.3, 0.7, 0.44]]))
+    high = masks_of(cameras, np.array([[0.5, 0.3, 0.52], [0.7, 0.3, 0.52], [0.7, 0.7, 0.52], [0.5, 0.7, 0.52]]))
+    candidate = candidate_on(lambda xy: np.where(xy[:, 0] < 0.5, 0.44, 0.52), cameras, 0.0, 5)
+    aligned = align(Stack(cameras, np.maximum(low, high), candidate), candidate, nothing())
+    assert aligned is None or aligned.disagreement > 0.012
+
+
+@pytest.fixture(scope="module")
+def bracket(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bracket")
+    files = {"out_views": folder / "views.h5", "out_truth": folder / "truth.h5"}
+    settings = ViewsSettings(rendered_views=30, image_size=300)
+    make_views(object_name="bracket", source="part", path="l_bracket:7", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    regions = truth.face_ids.astype(np.int32) + 1
+    return truth, *(carve(views, 96, patches=p) for p in (None, regions))
+
+
+def test_faces_of_a_bracket_lie_on_its_planes(bracket):
+    truth, _, (_, faces) = bracket
+    assert len(faces) >= 5
+    for face in faces:
+        normals = np.array([truth.normals[truth.point_face == f].mean(0) for f in range(len(truth.face_types))])
+        alike = [f for f, n in enumerate(normals) if n @ face.lattice.normal > 0.999]
+        heights = [np.abs(face.lattice.coordinates(truth.points[truth.point_face == f])[1]).max() for f in alike]
+        assert min(heights) < 0.006
+
+
+def test_the_inner_corner_of_a_bracket_is_carved(bracket):
+    truth, (before, _), (after, _) = bracket
+
+    def stands_out(hull):
+        scene = Scene(truth.mesh_vertices, truth.mesh_triangles)
+        return np.quantile(scene.signed_distance(hull.vertices), 0.99)
+
+    assert stands_out(after) < 0.6 * stands_out(before)
+
+
+def test_a_ball_has_no_planar_face(tmp_path):
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    settings = ViewsSettings(rendered_views=30, image_size=300)
+    make_views(object_name="pin", source="part", path="ball_pin:4", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    _, faces = carve(views, 96, patches=truth.face_ids.astype(np.int32) + 1)
+    flat = np.isin(truth.point_face, [f for f, kind in enumerate(truth.face_types) if kind == "plane"])
+    for face in faces:
+        within, heights = over(face.lattice, face.outline, truth.points)
+        near = within & (np.abs(heights) < 0.01)
+        assert flat[near].mean() > 0.9

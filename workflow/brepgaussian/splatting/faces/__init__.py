@@ -1,0 +1,7 @@
+"""Planar faces that the images confirm: where regions of the masks agree over all views. See `docs/splatting.md`."""
+
+from brepgaussian.splatting.faces.assign import assign, planes
+from brepgaussian.splatting.faces.confirm import Face
+from brepgaussian.splatting.faces.flatten import flatten_faces
+
+__all__ = ["Face", "assign", "flatten_faces", "planes"]

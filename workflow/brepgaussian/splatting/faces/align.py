@@ -1,0 +1,215 @@
+"""The plane of a face, from where its border lies in all views.
+
+Seen through the right plane, the borders of a planar face's regions coincide in all views; through a plane that is
+too high, too low or tilted they are shifted by parallax. So the plane is where the rectified regions agree best. It
+needs no texture and no silhouette, only that the regions end at the face's border.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.faces.candidates import Candidate
+
+Array = NDArray[np.float64]
+
+_CELLS = 32  # along the longer side of the lattice that the alignment looks at
+_MARGIN = 0.12  # of the face's size, around it
+_WIDTHS_PX = (8.0, 3.0)  # of the blurred borders, from coarse to fine
+_REACH_PX = 12.0  # distances to a border are known this far
+_LEAST_COSINE = 0.15  # a plane seen flatter blurs its cells into each other
+_LEAST_VIEWS = 4  # that agree on a face
+_LEAST_COUNT = 3  # views that see a cell
+_LEAST_AREA = 0.5  # of the candidate's, that the views agree on
+_BULGE = 0.04  # unit frame; a hull stands out of a plane by less
+_EVEN, _ODD = 0.03, 3.0  # disagreement of a view that is always fine, and in medians of all views
+_SWEEP = np.linspace(-0.05, 0.02, 15)  # heights tried first, unit frame: hulls lie outside of the part
+_MOST_VIEWS = 16  # that take part
+_HOPELESS = 0.25  # disagreement of unrelated regions
+_ROUNDS = 10  # of Gauss-Newton
+_STEP = 2e-4  # unit frame; of numeric derivatives, a tenth of a pixel
+_MOST_STEP = 0.02  # unit frame
+_CONVERGED = 1e-5  # unit frame
+
+
+class Stack:
+    """The regions of one candidate in all views that show it apart from its neighbours."""
+
+    def __init__(self, cameras: Cameras, patches: NDArray[np.integer], candidate: Candidate) -> None:
+        self.cameras = cameras
+        self.views = _spread(sorted(candidate.regions))
+        self.normal, self.origin = _mean_plane(candidate)
+        helper = np.eye(3)[int(np.argmin(np.abs(self.normal)))]
+        self.first = np.cross(helper, self.normal)
+        self.first /= np.linalg.norm(self.first)
+        self.second = np.cross(self.normal, self.first)
+        self.distance = [_border_distance(patches[v], candidate.regions[v]) for v in self.views]
+
+    def sample(self, points: Array, rows: NDArray[np.int64]) -> Array:
+        """(R, N) distance in px inside the face's border in some of the views, negative outside."""
+        values = np.zeros((len(rows), len(points)))
+        for k, row in enumerate(rows):
+            pixels = self.cameras.project(self.views[row], points)[0].astype(np.float32) - np.float32(0.5)
+            values[k] = cv2.remap(
+                self.distance[row], pixels[:, :1], pixels[:, 1:], cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_CONSTANT, borderValue=-_REACH_PX,
+            )[:, 0]  # fmt: skip
+        return values
+
+    def visible(self, points: Array, scene: Scene | None) -> NDArray[np.bool_]:
+        """(V, N) whether each view sees points of the plane, past what stands out of it by more than a bulge."""
+        seen = np.zeros((len(self.views), len(points)), bool)
+        for row, view in enumerate(self.views):
+            sight = self.cameras.centers[view] - points
+            length = np.linalg.norm(sight, axis=1)
+            cosine = (sight @ self.normal) / length
+            seen[row] = cosine > _LEAST_COSINE
+            if scene is not None:
+                index = np.flatnonzero(seen[row])
+                direction = sight[index] / length[index, None]
+                start = points[index] + _BULGE / cosine[index, None] * direction
+                seen[row, index] = ~scene.occluded(start, direction)
+        return seen
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """A plane on which the views agree about a face's border.
+
+    Attributes:
+        normal: (3,) unit, outward; through: (3,) a point on it, in the middle of the face.
+        disagreement: share of the face's area about which a view disagrees, squared and averaged.
+        views: rows of the stack that agree.
+    """
+
+    normal: Array
+    through: Array
+    disagreement: float
+    views: NDArray[np.int64]
+
+
+def align(stack: Stack, candidate: Candidate, scene: Scene) -> Aligned | None:
+    """The plane of a candidate, or None if the views do not agree on one."""
+    if len(stack.views) < _LEAST_VIEWS:
+        return None
+    flat = np.column_stack([candidate.points @ stack.first, candidate.points @ stack.second])
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    size = float((high - low).max())
+    middle = (low + high) / 2
+    low, high = low - _MARGIN * size, high + _MARGIN * size
+    pitch = float((high - low).max()) / _CELLS
+    u, v = (np.arange(low[k], high[k], pitch) for k in (0, 1))
+    grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
+    base = grid[:, :1] * stack.first + grid[:, 1:] * stack.second + (stack.origin @ stack.normal) * stack.normal
+    local = (grid - middle) / size
+    covered = len(np.unique(np.floor((flat - low) / pitch).astype(int), axis=0))  # cells with samples
+
+    def points(parameters: Array) -> Array:
+        height = parameters[0] + local @ parameters[1:]
+        return np.asarray(base + height[:, None] * stack.normal)
+
+    agree = np.arange(len(stack.views))
+    sweep = [np.array([h, 0.0, 0.0]) for h in _SWEEP]
+    seen = stack.visible(points(sweep[0]), None)
+    best = min(sweep, key=lambda p: _residuals(stack.sample(points(p), agree), seen, _WIDTHS_PX[0])[1])
+    value = np.inf
+    for width in (_WIDTHS_PX[0], *_WIDTHS_PX):
+        seen = stack.visible(points(best), scene)[agree]
+
+        def residuals(parameters: Array, width: float = width, seen: NDArray[np.bool_] = seen) -> tuple[Array, float]:
+            return _residuals(stack.sample(points(parameters), agree), seen, width)  # noqa: B023
+
+        best, value = _gauss_newton(residuals, best)
+        kept = _agreeing(stack.sample(points(best), agree), seen, width)
+        if kept.sum() < _LEAST_VIEWS:
+            return None
+        agree = agree[kept]
+    seen = stack.visible(points(best), scene)[agree]
+    values = stack.sample(points(best), agree)
+    value = _residuals(values, seen, _WIDTHS_PX[-1])[1]
+    area = _mean(np.clip(values / _WIDTHS_PX[-1] + 0.5, 0, 1), seen).sum()
+    if area < _LEAST_AREA * min(covered, len(candidate.points)):
+        return None
+    normal = stack.normal - (best[1] * stack.first + best[2] * stack.second) / size
+    normal /= np.linalg.norm(normal)
+    height = stack.origin @ stack.normal + best[0]
+    through = middle[0] * stack.first + middle[1] * stack.second + height * stack.normal
+    return Aligned(normal, through, value, agree)
+
+
+def _agreeing(values: Array, seen: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:
+    """(V,) whether each view shows about the face that most views show."""
+    inside = np.clip(values / width + 0.5, 0, 1)
+    middle = np.zeros(inside.shape[1])
+    known = seen.any(axis=0)
+    middle[known] = np.nanmedian(np.where(seen, inside, np.nan)[:, known], axis=0)
+    off = np.where(seen, (inside - middle) ** 2, 0.0).sum(axis=1)
+    area = np.where(seen, np.maximum(middle, inside), 0.0).sum(axis=1)
+    share = off / np.maximum(area, 1e-9)
+    return np.asarray((share <= np.maximum(_ODD * np.median(share), _EVEN)) & (area > 0))
+
+
+def _mean(inside: Array, seen: NDArray[np.bool_]) -> Array:
+    return np.asarray(np.where(seen, inside, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1))
+
+
+def _residuals(values: Array, seen: NDArray[np.bool_], width: float) -> tuple[Array, float]:
+    """How far views disagree on whether a cell is inside: (V * N,) residuals, and their squares over the face's cells.
+
+    Args:
+        values: (V, N) signed distances to the border in px; seen: (V, N) which count.
+        width: px over which the border is blurred.
+    """
+    count = seen.sum(axis=0)
+    seen = seen & (count >= _LEAST_COUNT)
+    inside = np.where(seen, np.clip(values / width + 0.5, 0, 1), 0.0)
+    mean = inside.sum(axis=0) / np.maximum(count, 1)
+    off = np.where(seen, inside - mean, 0.0) / np.sqrt(np.maximum(count, 1))
+    return off.ravel(), float((off**2).sum() / max(mean.sum(), 1e-9))
+
+
+def _gauss_newton(function: Callable[[Array], tuple[Array, float]], start: Array) -> tuple[Array, float]:
+    """Few, damped steps with differenced derivatives; the parameters and their cost."""
+    best, (off, value) = start, function(start)
+    damping = 1e-2
+    for _ in range(_ROUNDS):
+        jacobian = np.column_stack([(function(best + _STEP * e)[0] - off) / _STEP for e in np.eye(len(best))])
+        hessian = jacobian.T @ jacobian
+        step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian) + 1e-12), -jacobian.T @ off)
+        step *= min(1.0, _MOST_STEP / max(float(np.abs(step).max()), 1e-12))
+        trial = best + step
+        trial_off, trial_value = function(trial)
+        if trial_value < value:
+            best, off, value, damping = trial, trial_off, trial_value, damping / 3
+            if np.abs(step).max() < _CONVERGED:
+                break
+        else:
+            damping *= 10
+    return best, value
+
+
+def _spread(views: list[int]) -> list[int]:
+    """At most `_MOST_VIEWS` of the views, evenly chosen."""
+    if len(views) <= _MOST_VIEWS:
+        return views
+    return [views[i] for i in np.linspace(0, len(views) - 1, _MOST_VIEWS).round().astype(int)]
+
+
+def _mean_plane(candidate: Candidate) -> tuple[Array, Array]:
+    """Median normal and centre: bulges are in the normals' mean, not in their median."""
+    normal = np.median(candidate.normals, axis=0)
+    return normal / max(float(np.linalg.norm(normal)), 1e-9), np.median(candidate.points, axis=0)
+
+
+def _border_distance(patches: NDArray[np.integer], region: int) -> NDArray[np.float32]:
+    """(H, W) distance in px inside the border of a region, negative outside."""
+    mask = (patches == region).astype(np.uint8)
+    inner = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
+    outer = cv2.distanceTransform(1 - mask, cv2.DIST_L2, cv2.DIST_MASK_5)
+    signed = np.where(mask > 0, inner - 0.5, 0.5 - outer)
+    return np.clip(signed, -_REACH_PX, _REACH_PX).astype(np.float32)

@@ -1,0 +1,156 @@
+"""Faces that the images confirm: their outline on the plane, and one grey level in all views within it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.faces.align import Aligned, Stack
+from brepgaussian.splatting.faces.candidates import Candidate
+
+Array = NDArray[np.float64]
+
+_MOST_DISAGREEMENT = 0.012  # of the face's area: .001-.009 on planes, from .013 on others
+_MINORITY_DISAGREEMENT = 0.004  # the same where most views merge the face with a neighbour
+_LEAST_AGREEING, _MINORITY = 5, 0.4  # views, and the share of all below which they are a minority
+_MOST_CELLS = 160  # along the longer side of the outline's lattice
+_PITCH_PIXELS = 1.25
+_MARGIN_CELLS = 4
+_INSIDE = 0.5  # of the views put the cell inside
+_BORDER_PX = 3.0  # from the border, cells whose height is measured
+_LEAST_SEEN = 4  # views of such a cell
+_LEAST_PARALLAX = 1.0  # px squared, summed over views, for a rise of one cell
+_LEVEL_PIXELS = 0.8  # footprints of a pixel: a border this near to the plane is on it
+_BORDER_NOISE_PX = 0.4  # of a border in one view
+_LEVEL_SHARE = 0.85  # of the border; occluders and bad masks spoil some
+_INNER_CELLS = 3.0  # from the border, where blur ends
+_TOLERANCE = 3.0  # grey levels by which views may differ on a noise-free face
+_SIGMAS = 3.0
+_EVEN_SHARE = 0.7  # of the inner cells look alike in all views
+_QUANTILES = (0.1, 0.9)  # over views; a few may be disturbed by other parts' borders
+
+
+@dataclass(frozen=True)
+class Face:
+    """A planar face that is confirmed.
+
+    Attributes:
+        lattice: on its plane.
+        outline: (R, C) cells on the face.
+        disagreement: see `Aligned`.
+        bulge: how far the hull stands out of it, unit frame.
+    """
+
+    lattice: Lattice
+    outline: NDArray[np.bool_]
+    disagreement: float
+    bulge: float
+
+
+def confirm(
+    views: Views,
+    luminance: NDArray[np.float32],
+    stack: Stack,
+    candidate: Candidate,
+    aligned: Aligned,
+    scene: Scene,
+    noise: float,
+) -> Face | None:
+    """The face of an aligned candidate, or None where the views contradict it.
+
+    Args:
+        views: images and cameras; luminance: (V, H, W) their grey levels.
+        stack, candidate, aligned: the candidate with its plane.
+        scene: the hull.
+        noise: standard deviation of the images' noise, grey levels.
+    """
+    few = len(aligned.views) < _MINORITY * len(stack.views)
+    most = _MINORITY_DISAGREEMENT if few else _MOST_DISAGREEMENT
+    if aligned.disagreement > most or len(aligned.views) < _LEAST_AGREEING:
+        return None
+    lattice = _lattice(candidate, aligned, _PITCH_PIXELS * views.cameras.footprint())
+    cells = lattice.centers().reshape(-1, 3)
+    seen = stack.visible(cells, scene)[aligned.views]
+    values = stack.sample(cells, aligned.views)
+    share = (np.where(seen, np.clip(values + 0.5, 0, 1), 0).sum(axis=0)) / np.maximum(seen.sum(axis=0), 1)
+    outline = (share > _INSIDE).reshape(lattice.shape)
+    if not outline.any() or not _is_level(stack, aligned, cells, values, seen, lattice.pitch):
+        return None
+    inner = (ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS).ravel()
+    if inner.any():
+        grey = _grey(views, luminance, [stack.views[r] for r in aligned.views], cells[inner], seen[:, inner])
+        told = np.isfinite(grey).sum(axis=0) >= 2
+        low, high = np.nanquantile(grey[:, told], _QUANTILES, axis=0) if told.any() else np.zeros((2, 1))
+        if np.mean(high - low <= max(_TOLERANCE, _SIGMAS * noise)) < _EVEN_SHARE:
+            return None
+    return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
+
+
+def _bulge(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> float:
+    """How far points over the outline stand out of the plane."""
+    within, heights = over(lattice, outline, points)
+    return max(float(heights[within].max(initial=0.0)), 0.0)
+
+
+def over(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> tuple[NDArray[np.bool_], Array]:
+    """(N,) whether points lie over (or under) the outline, and (N,) their heights above the plane."""
+    cells, heights = lattice.coordinates(points)
+    index = np.round(cells).astype(int)
+    within: NDArray[np.bool_] = np.all((index >= 0) & (index < outline.shape), axis=1)
+    within[within] = outline[index[within, 0], index[within, 1]]
+    return within, heights
+
+
+def _is_level(
+    stack: Stack, aligned: Aligned, cells: Array, values: Array, seen: NDArray[np.bool_], pitch: float
+) -> bool:
+    """Whether nearly all of the border lies on the plane: its height above it follows from each cell's parallax.
+
+    Two parallel faces of one grey, or an arc of a cone, have a border that no plane holds.
+    """
+    border = (np.abs(np.median(values, axis=0)) < _BORDER_PX) & (seen.sum(axis=0) >= _LEAST_SEEN)
+    if not border.any():
+        return False
+    cells, values, seen = cells[border], values[:, border], seen[:, border]
+    raised = stack.sample(cells + pitch * aligned.normal, aligned.views)
+    slope = np.where(seen, (raised - values) / pitch, np.nan)  # px per unit of height
+    slope -= np.nanmean(slope, axis=0)
+    offset = np.where(seen, values, np.nan)
+    offset -= np.nanmean(offset, axis=0)
+    stiffness = np.nansum(slope**2, axis=0)
+    told = stiffness > _LEAST_PARALLAX / pitch**2
+    height = -np.nansum(slope * offset, axis=0) / np.maximum(stiffness, 1e-9)
+    allowed = _LEVEL_PIXELS * pitch / _PITCH_PIXELS + _SIGMAS * _BORDER_NOISE_PX / np.sqrt(np.maximum(stiffness, 1e-9))
+    level = np.abs(height[told]) < allowed[told]
+    return bool(level.sum() > _LEVEL_SHARE * max(len(level), 1))
+
+
+def _lattice(candidate: Candidate, aligned: Aligned, pitch: float) -> Lattice:
+    helper = np.eye(3)[int(np.argmin(np.abs(aligned.normal)))]
+    first = np.cross(helper, aligned.normal)
+    first /= np.linalg.norm(first)
+    second = np.cross(aligned.normal, first)
+    flat = np.column_stack([candidate.points @ first, candidate.points @ second])
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    pitch = max(pitch, float((high - low).max()) / _MOST_CELLS)
+    low, high = low - _MARGIN_CELLS * pitch, high + _MARGIN_CELLS * pitch
+    rows, columns = np.ceil((high - low) / pitch).astype(int)
+    origin = low[0] * first + low[1] * second + (aligned.through @ aligned.normal) * aligned.normal
+    return Lattice(origin, first, second, aligned.normal, pitch, (int(rows), int(columns)))
+
+
+def _grey(
+    views: Views, luminance: NDArray[np.float32], chosen: list[int], cells: Array, seen: NDArray[np.bool_]
+) -> Array:
+    """(V, N) grey levels of cells, NaN where a view does not see them."""
+    result = np.full(seen.shape, np.nan)
+    for row, view in enumerate(chosen):
+        index = np.flatnonzero(seen[row])
+        pixels = views.cameras.project(view, cells[index])[0]
+        at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
+        result[row, index] = ndimage.map_coordinates(luminance[view], at, order=1, output=np.float64)
+    return result

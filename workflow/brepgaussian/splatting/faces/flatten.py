@@ -1,0 +1,121 @@
+"""Cut off what a hull has above the planar faces that the images confirm."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.faces.align import Stack, align
+from brepgaussian.splatting.faces.candidates import candidates
+from brepgaussian.splatting.faces.confirm import Face, confirm, over
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
+Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
+
+_SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
+_OPAQUE = 250  # alpha of a pixel that is surely object
+_NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
+_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none
+_LEAST_BULGE_CELLS = 0.5  # lower ones need no test
+
+logger = get_logger("stage1")
+
+
+def flatten_faces(
+    views: Views,
+    patches: NDArray[np.integer],
+    field: Field,
+    origin: Array,
+    spacing: float,
+    mesher: Mesher,
+    sampler: Sampler,
+    noise: float = 0.0,
+) -> tuple[Field, list[Face]]:
+    """Find the planar faces and carve the hull down to them.
+
+    A silhouette is blind to what lies above a plane that no camera grazes, and in inner corners; regions are not.
+
+    Args:
+        views: images and cameras.
+        patches: (V, H, W) region ids of the masks, 0 = none.
+        field: (n, n, n) signed distance to the hull, inside positive.
+        origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
+        mesher: turns a field into vertices (K, 3) and triangles (T, 3), counter-clockwise from outside.
+        sampler: spreads points (N, 3) with normals (N, 3) evenly over a mesh.
+        noise: standard deviation of the images' noise, grey levels.
+
+    Returns:
+        The carved field and the faces, those with most area first.
+    """
+    mesh = mesher(field)
+    scene = Scene(*mesh)
+    luminance = views.luminance
+    faces: list[Face] = []
+    for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
+        stack = Stack(views.cameras, patches, candidate)
+        aligned = align(stack, candidate, scene)
+        face = None if aligned is None else confirm(views, luminance, stack, candidate, aligned, scene, noise)
+        if face is not None and not any(_same(face, other, spacing) for other in faces):
+            faces.append(face)
+    carved = _carve(field, origin, spacing, faces)
+    after = Scene(*mesher(carved))
+    kept = [f for f in faces if not _needed(views, f, mesh[0], spacing, after)]
+    for face in kept:
+        logger.info(
+            "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
+            face.outline.sum() * face.lattice.pitch**2, np.round(face.lattice.normal, 2).tolist(),
+            100 * face.disagreement, face.bulge,
+        )  # fmt: skip
+    return (carved if len(kept) == len(faces) else _carve(field, origin, spacing, kept)), kept
+
+
+def _same(face: Face, other: Face, spacing: float) -> bool:
+    """Whether two faces lie on one plane and mostly on each other."""
+    if face.lattice.normal @ other.lattice.normal < 0.99:
+        return False
+    within, heights = over(other.lattice, other.outline, face.lattice.centers()[face.outline])
+    return bool((within & (np.abs(heights) < spacing)).mean() > 0.5)
+
+
+def _carve(field: Field, origin: Array, spacing: float, faces: list[Face]) -> Field:
+    """The field without what stands above the faces, each within its own box."""
+    carved = field.copy()
+    for face in faces:
+        height = face.bulge + _SLACK_CELLS * spacing
+        above = Prism(face.lattice, face.outline, 0.0, False, 0.0)
+        corners = face.lattice.centers()[[0, 0, -1, -1], [0, -1, 0, -1]]
+        box = np.concatenate([corners, corners + height * face.lattice.normal])
+        low = np.clip(np.floor((box.min(axis=0) - origin) / spacing).astype(int) - 1, 0, None)
+        high = np.minimum(np.ceil((box.max(axis=0) - origin) / spacing).astype(int) + 2, field.shape)
+        part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
+        points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+        outside = above.signed_distance(points, height).reshape(carved[part].shape)
+        carved[part] = np.minimum(carved[part], outside)
+    return carved
+
+
+def _needed(views: Views, face: Face, vertices: Array, spacing: float, after: Scene) -> bool:
+    """Whether silhouettes show what was cut off: a dome with a planar rim is no bulge."""
+    within, heights = over(face.lattice, face.outline, vertices)
+    within &= (heights > _LEAST_BULGE_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
+    samples = vertices[within]
+    if not len(samples):
+        return False
+    needed = np.zeros(len(samples), int)
+    height_px, width_px = views.alpha.shape[1:]
+    for view, center in enumerate(views.cameras.centers):
+        pixels = np.floor(views.cameras.project(view, samples)[0]).astype(int)
+        inside = (pixels >= 0).all(1) & (pixels[:, 0] < width_px) & (pixels[:, 1] < height_px)
+        opaque = np.zeros(len(samples), bool)
+        opaque[inside] = views.alpha[view, pixels[inside, 1], pixels[inside, 0]] >= _OPAQUE
+        ray = samples[opaque] - center
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        needed[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
+    return bool((needed >= _NEEDED_VIEWS).mean() > _NEEDED_SHARE)
