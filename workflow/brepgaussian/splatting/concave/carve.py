@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.trim import flatten
 
 _LEVELS = 3
 _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
@@ -35,10 +36,12 @@ def open_concavities(
     Returns:
         The opened field and the concavities.
     """
+    field, _ = flatten(views, field, origin, spacing, mesher)
     known: list[Prism] = []
+    luminance = views.luminance
     for _ in range(_LEVELS):
         vertices, triangles = mesher(field)
-        found = find_prisms(views, vertices, triangles, spacing, noise, known)
+        found = find_prisms(views, luminance, vertices, triangles, spacing, noise, known)
         if not found:
             break
         for prism in found:

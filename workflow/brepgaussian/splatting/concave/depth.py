@@ -1,112 +1,162 @@
-"""The depth of an opening, from where each ray through it leaves its outline.
+"""The depth of an opening: that at which all views agree on its walls and its floor.
 
-A ray that enters the opening walks sideways as it sinks. Its exit depth is where it crosses the outline. If
-the floor lies deeper, the ray has met a wall; if not, it has met the floor. So the floor's depth is the
-threshold on the exit depth that best parts the rays that show a wall from those that show the floor.
+Walls and floor follow from the outline and a depth. Were the floor higher or lower than it is, one place on
+it would be hit by rays that in truth meet different places, of different greys. Where all depths below the
+true one explain the images equally well (all the floor has one grey), the least is right.
 """
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from brepgaussian.splatting.concave.openings import BACKGROUND, LID, UNSEEN, WALL, Stack
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.openings import Stack
+from brepgaussian.splatting.concave.prism import Prism, signed_outline
+from brepgaussian.splatting.concave.radiance import disagreement
+from brepgaussian.splatting.concave.rays import Rays, exits, gather
 
 Array = NDArray[np.float64]
 
-_SECTORS = 16  # directions of the wall that a ray meets; each has its own grey
-_SECTOR_RAYS = 30  # fewer say nothing about a sector
-_SHALLOW_SHARE = 0.15  # of a sector's rays, those that leave first, surely meet its wall
-_WALL_SHARE = 0.65  # of those, if the wall differs from the lid's grey all along the sector
-_LEAST_RAYS = 100
-_MARCH_STEPS = 80
-_LEAST_SIDEWAYS = 1e-3  # a ray straight down never leaves
+_LEAST_RAYS = 200
+_SEARCH_RAYS = 60_000  # more make the search slower, not better
+_DEPTHS = 36  # tried at first, from the shallowest on in equal ratios
+_SHALLOWEST = 3.0  # cells
+_DEEPER = 0.02  # of the range of disagreement: price of each doubling of the depth
+_GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
+_FINEST = 0.25  # cells
+_FEW_RAYS = 8_000  # for many shapes of leaning walls
+_FEW_DEPTHS = 10
+_TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
+_DRAFTS = (0.25, 0.5, 1.0)
+_FINEST_LEAN = 0.01
+_LEANING = 0.75  # walls lean only if that leaves at most this share of the straight ones' disagreement
+_DEEP = 7.0  # cells
+_SHALLOW_GAIN = 0.4  # for what is shallower: a lid that is badly placed looks like it
+_GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid
 
 
-def measure(stack: Stack, outline: NDArray[np.bool_], centers: Array) -> Prism | None:
-    """Depth of one opening, or None if the rays do not tell.
+@dataclass(frozen=True)
+class _Shape:
+    """What is sought, in cells."""
+
+    depth: float
+    grow: float = 0.0
+    draft: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    through: bool = False
+
+
+_STRAIGHT = _Shape(_SHALLOWEST)
+
+
+class _Opening:
+    """One opening with its rays; remembers what was tried."""
+
+    def __init__(self, rays: Rays, outline: NDArray[np.bool_], deepest: float, tolerance: float) -> None:
+        self.rays, self.outline, self.deepest, self.tolerance = rays, outline, deepest, tolerance
+        self.price = 0.0  # of each doubling of the depth
+        self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
+
+    def score(self, shape: _Shape) -> tuple[float, float]:
+        """Disagreement and share of contradicting rays; a doubling of the depth costs a little."""
+        key = (shape.grow, shape.draft, *shape.tilt)
+        if key not in self._exits:
+            sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
+            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft)
+            self._exits[key] = sheared, found
+        sheared, found = self._exits[key]
+        return disagreement(sheared, found, shape.depth, self.tolerance, shape.through)
+
+    def closed(self) -> float:
+        """Disagreement on the lid, were there no concavity."""
+        return disagreement(self.rays, np.full(len(self.rays), -1.0), 0.0, self.tolerance)[0]
+
+    def cost(self, shape: _Shape) -> float:
+        """Disagreement alone, and the price of depth."""
+        return self.score(shape)[0] + self.price * np.log2(max(shape.depth, 1.0))
+
+
+def measure(
+    stack: Stack, outline: NDArray[np.bool_], centers: Array, deepest: float, tolerance: float
+) -> tuple[Prism, float] | None:
+    """The concavity under one opening, or None if the rays do not tell one.
+
+    With it comes its gain: by how much less the rays disagree than on a lid, summed over cells of the lattice.
 
     Args:
         stack: what the views show on the opening's plane.
         outline: (R, C) cells of the opening.
         centers: (V, 3) camera centres.
+        deepest: thickness of the hull below the opening.
+        tolerance: grey levels that one place may differ by.
     """
-    exits, sectors, shown = _rays(stack, outline, centers)
-    told = np.isin(sectors, _informative(exits, sectors, shown))
-    exits, shown = exits[told], shown[told]
-    # rays of the lid's grey show the floor of a blind concavity, but in one that goes through they show a
-    # stretch of wall that happens to have that grey
-    fits = [(_threshold(exits, shown, floor), floor == BACKGROUND) for floor in (LID, BACKGROUND)]
-    told_fits = [(fit, through) for fit, through in fits if fit is not None]
-    if not told_fits:
+    pitch = stack.lattice.pitch
+    every = gather(stack, outline, centers)
+    if len(every) < _LEAST_RAYS:
         return None
-    (depth, error), through = min(told_fits, key=lambda item: item[0][1])
-    return Prism(stack.lattice, outline, depth, through, error)
-
-
-def _threshold(exits: Array, shown: NDArray[np.uint8], floor: int) -> tuple[float, float] | None:
-    """The depth that best parts walls from floors, and the balanced share of rays against it."""
-    used = (shown == WALL) | (shown == floor)
-    order = np.argsort(exits[used], kind="stable")
-    exits, wall = exits[used][order], (shown[used] == WALL)[order]
-    walls, floors = int(wall.sum()), int((~wall).sum())
-    if min(walls, floors) < _LEAST_RAYS:
+    opening = _Opening(every.sample(_SEARCH_RAYS), outline, deepest / pitch, tolerance)
+    best = _refine(opening, _best_depth(opening, _DEPTHS))
+    few = _Opening(every.sample(_FEW_RAYS), outline, deepest / pitch, tolerance)
+    for leaning in (_oblique(few), _tapered(few)):
+        if few.score(leaning)[0] < few.score(best)[0]:
+            leaning = _refine(opening, leaning)
+            if opening.score(leaning)[0] < _LEANING * opening.score(best)[0]:
+                best = leaning
+    disagreeing, error = opening.score(best)
+    closed = opening.closed()
+    deep = best.through or best.depth > _DEEP
+    if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < _SHALLOWEST + 1):
         return None
-    # shallower than the k-th exit: walls that leave deeper, and floors that leave before, contradict
-    cost = (walls - np.cumsum(wall)) / walls + np.cumsum(~wall) / floors
-    best = int(cost.argmin())
-    return float(exits[best]), float(cost[best] / 2)
+    fitted = signed_outline(outline) < best.grow
+    gain = (closed - disagreeing) * float(np.count_nonzero(fitted))
+    return Prism(stack.lattice, fitted, best.depth * pitch, best.through, error, best.tilt, best.draft), gain
 
 
-def _informative(exits: Array, sectors: NDArray[np.int64], shown: NDArray[np.uint8]) -> list[int]:
-    """Sectors whose wall differs from the lid's grey."""
-    found = []
-    for sector in range(_SECTORS):
-        member = sectors == sector
-        if member.sum() >= _SECTOR_RAYS:
-            shallow = member & (exits <= np.quantile(exits[member], _SHALLOW_SHARE))
-            if np.mean(shown[shallow] == WALL) > _WALL_SHARE:
-                found.append(sector)
-    return found
+def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Shape:
+    """The best of some depths, of walls that lean like those of another shape."""
+    depths = np.unique(np.geomspace(_SHALLOWEST, max(opening.deepest, _SHALLOWEST), count))
+    blind = [replace(like, depth=float(d), through=False) for d in depths]
+    if not opening.price:
+        scores = [opening.score(shape)[0] for shape in blind]
+        opening.price = _DEEPER * (max(scores) - min(scores))
+    return min([*blind, replace(like, depth=opening.deepest, through=True)], key=opening.cost)
 
 
-def _rays(
-    stack: Stack, outline: NDArray[np.bool_], centers: Array
-) -> tuple[Array, NDArray[np.int64], NDArray[np.uint8]]:
-    """Exit depth, wall sector and what is shown, of every ray through the opening in every view."""
-    lattice = stack.lattice
-    rows, columns = np.nonzero(outline)
-    cells = lattice.centers()[rows, columns]  # (N, 3)
-    inside = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1]
-    slope = np.gradient(ndimage.gaussian_filter(outline.astype(float), 1.5))
-    parts = []
-    for view, center in enumerate(centers):
-        shown = stack.shown[view, rows, columns]
-        seen = shown != UNSEEN
-        ray = cells[seen] - center
-        sideways = np.column_stack([ray @ lattice.first, ray @ lattice.second]) / -(ray @ lattice.normal)[:, None]
-        start = np.column_stack([rows[seen], columns[seen]]).astype(float)
-        length, end = _march(start, sideways, inside)
-        exits = length * lattice.pitch / np.maximum(np.linalg.norm(sideways, axis=1), _LEAST_SIDEWAYS)
-        angle = np.arctan2(-slope[0][end[:, 0], end[:, 1]], -slope[1][end[:, 0], end[:, 1]])
-        sector = ((angle + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS
-        parts.append((exits, sector, shown[seen]))
-    exits, sectors, shown = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return exits, sectors, shown
+def _oblique(opening: _Opening) -> _Shape:
+    """The best hole that goes through at an angle."""
+    shapes = [_Shape(opening.deepest, tilt=(float(u), float(v)), through=True) for u in _TILTS for v in _TILTS]
+    best = min(shapes, key=opening.cost)
+    step = (_TILTS[1] - _TILTS[0]) / 2
+    while step > _FINEST_LEAN:
+        u, v = best.tilt
+        moves = ((0, 0), (step, 0), (-step, 0), (0, step), (0, -step))
+        better = min((replace(best, tilt=(float(u + du), float(v + dv))) for du, dv in moves), key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
 
 
-def _march(start: Array, sideways: Array, inside: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Walk (N, 2) positions along (N, 2) directions until they leave: (N,) lengths in cells, (N, 2) last cells."""
-    direction = sideways / np.maximum(np.linalg.norm(sideways, axis=1, keepdims=True), 1e-9)
-    position, length = start.copy(), np.zeros(len(start))
-    limit = np.array(inside.shape) - 1
-    for _ in range(_MARCH_STEPS):
-        cell = np.round(position).astype(int)
-        within = (cell >= 0).all(axis=1) & (cell <= limit).all(axis=1)
-        clear = np.where(within, inside[tuple(np.clip(cell, 0, limit).T)], 0.0)
-        step = np.where(clear > 0, np.maximum(clear - 0.5, 0.5), 0.0)  # as far as no border can be
-        if not step.any():
-            break
-        position += direction * step[:, None]
-        length += step
-    return length, np.clip(np.round(position).astype(int), 0, limit)
+def _tapered(opening: _Opening) -> _Shape:
+    """The best concavity that narrows with its depth."""
+    best = min((_best_depth(opening, _FEW_DEPTHS, _Shape(0.0, draft=d)) for d in _DRAFTS), key=opening.cost)
+    step = _DRAFTS[0] / 2
+    while step > _FINEST_LEAN:
+        tried = [replace(best, draft=max(best.draft + change, 0.0)) for change in (0, step, -step)]
+        if not best.through:
+            tried += [replace(best, depth=min(best.depth * k, opening.deepest)) for k in (0.9, 1.1)]
+        better = min(tried, key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
+
+
+def _refine(opening: _Opening, best: _Shape) -> _Shape:
+    """Depth and outline in turn, in ever smaller steps."""
+    step = max(0.1 * best.depth, 2 * _FINEST)
+    while step > _FINEST:
+        best = min((replace(best, grow=float(g)) for g in _GROWS), key=opening.cost)
+        if not best.through:
+            tried = [replace(best, depth=best.depth + k * step) for k in (-1, -0.5, 0, 0.5, 1)]
+            best = min((t for t in tried if _SHALLOWEST <= t.depth <= opening.deepest), key=opening.cost, default=best)
+        step /= 2
+    return best

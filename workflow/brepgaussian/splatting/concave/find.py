@@ -8,25 +8,27 @@ from numpy.typing import NDArray
 from brepgaussian import log
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.depth import measure
-from brepgaussian.splatting.concave.openings import is_framed, openings, rectify
+from brepgaussian.splatting.concave.openings import Stack, enclosed, is_framed, openings, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
 
-_NOISE_FREE_TOLERANCE = 3.0  # grey levels: a face's own grey varies by 1-2, some neighbours differ by 4
+_NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
 _SIGMAS = 3.0
 _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
 _PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
+_OVERLAP = 0.2  # share of an opening that may belong to a better one
 _PARALLEL = 0.999  # cosine of 2.5 degrees
-_MAXIMUM_ERROR = 0.16  # balanced share of rays against the depth: .00-.13 on true ones, .5 is chance
+_MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 
 logger = log.get_logger("stage1")
 
 
 def find_prisms(
     views: Views,
+    luminance: NDArray[np.float32],
     vertices: NDArray[np.float64],
     triangles: NDArray[np.int64],
     cell: float,
@@ -37,6 +39,7 @@ def find_prisms(
 
     Args:
         views: images and cameras.
+        luminance: (V, H, W) their grey levels.
         vertices: (K, 3) and triangles: (T, 3): the hull's mesh, counter-clockwise from outside.
         cell: the hull's resolution.
         noise: standard deviation of the images' noise, grey levels.
@@ -44,7 +47,6 @@ def find_prisms(
             looked at: their walls are no lids.
     """
     scene = Scene(vertices, triangles)
-    luminance = views.luminance
     footprint = views.cameras.footprint()
     tolerance = max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
     found: list[Prism] = []
@@ -55,14 +57,31 @@ def find_prisms(
         if np.prod(lattice.shape) > _MAXIMUM_CELLS:
             coarser = lattice.pitch * np.sqrt(np.prod(lattice.shape) / _MAXIMUM_CELLS)
             lattice = region.lattice(vertices, triangles, coarser)
+        if min(lattice.shape) < _LEAST_WIDTH_PIXELS:
+            continue
         stack = rectify(views, luminance, scene, lattice, tolerance)
-        outlines = openings(stack, (_LEAST_WIDTH_PIXELS * footprint) ** 2)
-        for outline in outlines:
-            if is_framed(stack, outline):
-                prism = measure(stack, outline, views.cameras.centers)
-                if prism is not None and _believable(prism):
-                    found.append(prism)
+        found += _concavities(views, scene, stack, footprint, tolerance)
     return found
+
+
+def _concavities(views: Views, scene: Scene, stack: Stack, footprint: float, tolerance: float) -> list[Prism]:
+    """What lies under the openings of one plane, best told first, none over another."""
+    least = (_LEAST_WIDTH_PIXELS * footprint) ** 2
+    outlines = openings(stack, least) + enclosed(stack, least, tolerance)
+    fits = []
+    for outline in outlines:
+        if is_framed(stack, outline):
+            deepest = _thickness(scene, stack.lattice, outline)
+            fit = measure(stack, outline, views.cameras.centers, deepest, tolerance)
+            if fit is not None and _believable(fit[0]):
+                fits.append(fit)
+    taken = np.zeros(stack.lattice.shape, bool)
+    chosen = []
+    for prism, _ in sorted(fits, key=lambda fit: -fit[1]):
+        if (prism.outline & taken).sum() <= _OVERLAP * prism.outline.sum():
+            chosen.append(prism)
+            taken |= prism.outline
+    return chosen
 
 
 def _is_floor(region: PlanarRegion, known: Sequence[Prism], tolerance: float) -> bool:
@@ -76,14 +95,25 @@ def _is_floor(region: PlanarRegion, known: Sequence[Prism], tolerance: float) ->
     return False
 
 
+def _thickness(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> float:
+    """Thickness of the hull under an opening: from the cells that silhouettes have not opened already."""
+    below = lattice.centers()[outline] - 3 * lattice.pitch * lattice.normal  # past the hull's own roughness
+    inside = below[scene.signed_distance(below) < 0]
+    through = scene.distances(inside, np.broadcast_to(-lattice.normal, inside.shape))
+    through = through[np.isfinite(through)]
+    return float(np.median(through)) + 3 * lattice.pitch if len(through) else 0.0
+
+
 def _believable(prism: Prism) -> bool:
     good = prism.error <= _MAXIMUM_ERROR and prism.depth >= _LEAST_DEPTH_CELLS * prism.lattice.pitch
     logger.info(
-        "opening of area %.4f, normal %s: depth %.4f, %s, %.0f %% of rays against it%s",
+        "opening of area %.4f, normal %s: depth %.4f, %s, tilt %s, draft %.2f, %.0f %% of rays against it%s",
         prism.area,
         np.round(prism.lattice.normal, 2).tolist(),
         prism.depth,
         "through" if prism.through else "blind",
+        np.round(prism.tilt, 2).tolist(),
+        prism.draft,
         100 * prism.error,
         "" if good else ": not believed",
     )

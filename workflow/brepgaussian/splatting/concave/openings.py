@@ -18,12 +18,12 @@ _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
 _OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 _BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
-_SURFACE_SHARE = 0.8  # of a cell's views show the lid's grey, if the cell is on a face
+_SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
 _BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
-_AGREEING = (0.1, 0.5, 0.9)  # quantiles over views; a few views may be disturbed by borders
-_WIDTHS = (4.0, 3.0, 2.0, 1.0, 1.0)  # tolerances around the fit, narrowing
+_RIM_SLOPE = 0.3  # tolerances per cell: a step of two grey levels, blurred by a cell, is steeper
+_RIM_CELLS = 2  # half the width of a blurred rim
 _OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
@@ -35,11 +35,13 @@ class Stack:
         lattice: on the plane.
         domain: (R, C) bool cells inside the plane's outer border and not inside the solid.
         shown: (V, R, C) uint8 one of LID, WALL, BACKGROUND, UNSEEN.
+        grey: (V, R, C) float32 grey level, -1 on background, NaN unseen.
     """
 
     lattice: Lattice
     domain: NDArray[np.bool_]
     shown: NDArray[np.uint8]
+    grey: NDArray[np.float32]
 
 
 def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice: Lattice, tolerance: float) -> Stack:
@@ -50,7 +52,7 @@ def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice:
         luminance: (V, H, W) grey levels.
         scene: the hull.
         lattice: cells on the plane.
-        tolerance: grey levels that the lid may differ by.
+        tolerance: grey levels that one place may differ by.
     """
     cells = lattice.centers().reshape(-1, 3)
     slack = 2.5 * lattice.pitch
@@ -62,11 +64,11 @@ def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice:
         seen = np.flatnonzero(_visible(scene, cells, center, lattice, domain.ravel()))
         if len(seen):
             grey[view, seen] = _sample(views, luminance, view, cells[seen])
-    level = _level(grey, lattice, tolerance)
-    shown = np.where(np.abs(grey - level) <= tolerance, LID, WALL).astype(np.uint8)
+    shown = np.where(np.abs(grey - _consensus(grey)) <= tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
-    return Stack(lattice, domain, shown.reshape(-1, *lattice.shape))
+    shape = (len(grey), *lattice.shape)
+    return Stack(lattice, domain, shown.reshape(shape), grey.reshape(shape))
 
 
 def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
@@ -81,6 +83,31 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     labels, count = ndimage.label(region)
     outlines = [_sharpen(labels == k, share) for k in range(1, count + 1)]
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
+
+
+def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[np.bool_]]:
+    """(R, C) outlines of regions that a step in the views' common grey encloses, whether or not views disagree.
+
+    An opening's rim lies on the plane, so that all views show it in one place; edges behind it smear out. A bore
+    under a bright floor may look the same from everywhere, but for its rim.
+    """
+    common = _consensus(stack.grey.reshape(len(stack.grey), -1)).reshape(stack.lattice.shape)
+    seen = np.isfinite(stack.grey).any(axis=0)
+    blurred = ndimage.gaussian_filter(np.where(seen, common, 0), 1.0)
+    weight = ndimage.gaussian_filter(seen.astype(float), 1.0)
+    slope = np.gradient(blurred / np.maximum(weight, 1e-3))
+    flat = (np.hypot(*slope) < _RIM_SLOPE * tolerance) & seen & stack.domain
+    labels, count = ndimage.label(ndimage.binary_erosion(flat))
+    border = ndimage.binary_dilation(~stack.domain | ~seen, iterations=int(_BORDER_CELLS) + 1)
+    border[[0, -1]] = border[:, [0, -1]] = True
+    found = []
+    for k in range(1, count + 1):
+        region = ndimage.binary_opening(labels == k, iterations=_OPENING_CELLS - 1)
+        outline = ndimage.binary_fill_holes(ndimage.binary_dilation(region, iterations=_RIM_CELLS))
+        area = outline.sum() * stack.lattice.pitch**2
+        if area >= least_area and not (outline & border).any():
+            found.append(outline)
+    return found
 
 
 def _sharpen(outline: NDArray[np.bool_], share: Array) -> NDArray[np.bool_]:
@@ -138,39 +165,14 @@ def _sample(views: Views, luminance: NDArray[np.float32], view: int, points: Arr
     return np.where(alpha > _OPAQUE, grey, np.where(alpha < _CLEAR, -1, np.nan)).astype(np.float32)
 
 
-def _level(grey: NDArray[np.float32], lattice: Lattice, tolerance: float) -> NDArray[np.float32]:
-    """(N,) the lid's own grey at each cell: a quadratic, since lamps at a finite distance shade a plane.
-
-    Cells at which the views agree are the lid's; among them, the largest group that one quadratic explains.
+def _consensus(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N,) the grey that half of the views of a cell show: its own where it is on a face, whatever light falls
+    there; in an opening, that of one of the surfaces behind, which the other views then refute.
 
     Args:
         grey: (V, N) what the views show, -1 on background, NaN unseen.
-        lattice: of N cells.
-        tolerance: grey levels within which views agree.
     """
-    shown = np.where(grey >= 0, grey, np.nan)
-    count = np.isfinite(shown).sum(axis=0)
-    cells = np.flatnonzero(count >= _LEAST_VIEWS)
-    if not len(cells):
-        return np.zeros(grey.shape[1], np.float32)
-    low, middle, high = np.nanquantile(shown[:, cells], _AGREEING, axis=0)
-    agree = high - low <= tolerance
-    cells, value = (cells[agree], middle[agree]) if agree.any() else (cells, middle)
-    terms = _quadratic(lattice.shape)
-    # start from the most frequent grey, then widen to what the quadratic explains
-    histogram = np.bincount(np.round(value).astype(int), minlength=256).astype(float)
-    peak = float(np.convolve(histogram, np.ones(3), "same").argmax())
-    fitted = np.full(len(terms), peak)
-    for width in _WIDTHS:
-        near = np.abs(value - fitted[cells]) <= width * tolerance
-        if near.sum() < terms.shape[1]:
-            break
-        fitted = terms @ np.linalg.lstsq(terms[cells[near]], value[near], rcond=None)[0]
-    return fitted.astype(np.float32)
-
-
-def _quadratic(shape: tuple[int, int]) -> Array:
-    """(N, 6) terms 1, x, y, x^2, x y, y^2 at the cells of a lattice, x and y in -1..1."""
-    rows, columns = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
-    x, y = rows.ravel(), columns.ravel()
-    return np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    ordered = np.sort(np.where(grey >= 0, grey, np.nan), axis=0)  # NaN last
+    count = np.isfinite(ordered).sum(axis=0)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+    return np.where(count > 0, middle, 0).astype(np.float32)

@@ -13,7 +13,8 @@ _MAXIMUM_PLANES = 40  # more planar faces than this are left to the surfels
 _DIRECTION_BINS = 12  # a bin of normals is about 5 degrees wide
 _SAME_DIRECTION = 0.97  # cosine of 14 degrees: marching-cubes normals scatter
 _MINIMUM_AREA = 0.002  # smaller lids hide nothing that a few pixels could show
-_REFITS = 3
+_REFITS = 6
+_BELOW = 0.99  # weight of what lies below a plane: a hull touches a face along contours and bulges between them
 _MAXIMUM_TURN = 0.25  # rad: a strip of a cylinder turns more from one side to the other, a lid does not
 
 
@@ -24,6 +25,11 @@ class PlanarRegion:
     normal: Array
     offset: float
     triangles: NDArray[np.int64]
+
+    def area(self, vertices: Array, triangles: NDArray[np.int64]) -> float:
+        """Area of its triangles."""
+        a, b, c = (vertices[triangles[self.triangles, k]] for k in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
     def lattice(self, vertices: Array, triangles: NDArray[np.int64], pitch: float) -> Lattice:
         """A lattice over the bounding rectangle of the region."""
@@ -104,10 +110,13 @@ def _refit(
     tolerance: float,
 ) -> tuple[Array, float, NDArray[np.int64]]:
     offset = 0.0
-    for _ in range(_REFITS):
+    for fit in range(_REFITS):
         if len(members) < 3:
             break
         weights = areas[members]
+        if fit:
+            height = centers[members] @ normal - offset
+            weights = weights * np.where(height > 0, 1 - _BELOW, _BELOW)
         mean = np.average(centers[members], axis=0, weights=weights)
         spread = (centers[members] - mean) * np.sqrt(weights)[:, None]
         smallest = np.linalg.svd(spread, full_matrices=False)[2][2]

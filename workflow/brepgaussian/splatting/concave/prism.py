@@ -1,4 +1,4 @@
-"""A prismatic concavity: a planar outline, pushed into the solid to a flat floor."""
+"""A prismatic concavity: a planar outline, pushed into the solid to a flat floor, straight, leaning or tapered."""
 
 from dataclasses import dataclass
 
@@ -49,7 +49,9 @@ class Prism:
         outline: (R, C) bool cells of the opening.
         depth: from the opening to the floor.
         through: whether background shows through it.
-        error: balanced share of rays that contradict the depth, 0..0.5.
+        error: share of rays that contradict it, 0..1.
+        tilt: sideways move along the lattice's axes for each unit of depth (an oblique hole).
+        draft: how far the outline shrinks on all sides for each unit of depth (a countersink).
     """
 
     lattice: Lattice
@@ -57,6 +59,8 @@ class Prism:
     depth: float
     through: bool
     error: float
+    tilt: tuple[float, float] = (0.0, 0.0)
+    draft: float = 0.0
 
     @property
     def area(self) -> float:
@@ -71,19 +75,23 @@ class Prism:
             margin: how far it reaches above its opening (and below its end, if it goes through).
         """
         cells, height = self.lattice.coordinates(points)
-        lateral = ndimage.map_coordinates(self._lateral(), cells.T, order=1, mode="nearest")
+        cells = cells + np.outer(height, self.tilt) / self.lattice.pitch
+        outline = signed_outline(self.outline) * self.lattice.pitch
+        lateral = ndimage.map_coordinates(outline, cells.T, order=1, mode="nearest")
+        lateral += self.draft * np.maximum(-height, 0)
+        lateral /= np.sqrt(1 + np.dot(self.tilt, self.tilt) + self.draft**2)
         beyond = _beyond(cells, self.lattice.shape) * self.lattice.pitch
         bottom = self.depth + (margin if self.through else 0.0)
         vertical = np.maximum(height - margin, -height - bottom)
         return np.maximum(lateral + beyond, vertical)
 
-    def _lateral(self) -> Array:
-        """(R, C) signed distance to the outline, negative inside."""
-        padded = np.pad(self.outline, 1)
-        inside, outside = ndimage.distance_transform_edt(padded), ndimage.distance_transform_edt(~padded)
-        # half a cell on either side puts zero on the border between two cells
-        distance = np.where(padded, 0.5 - inside, outside - 0.5)[1:-1, 1:-1]
-        return distance * self.lattice.pitch
+
+def signed_outline(outline: NDArray[np.bool_]) -> Array:
+    """(R, C) distance of cell centres to an outline, in cells, negative inside."""
+    padded = np.pad(outline, 1)
+    inside, outside = ndimage.distance_transform_edt(padded), ndimage.distance_transform_edt(~padded)
+    # half a cell on either side puts zero on the border between two cells
+    return np.where(padded, 0.5 - inside, outside - 0.5)[1:-1, 1:-1]
 
 
 def _beyond(cells: Array, shape: tuple[int, int]) -> Array:

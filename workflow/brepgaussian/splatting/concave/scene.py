@@ -24,6 +24,19 @@ class Scene:
             return np.zeros(0, bool)
         return self._scene.test_occlusions(_tensor(np.column_stack([origins, directions]), np.float32)).numpy()
 
+    def distances(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N,) how far rays from (N, 3) origins along (N, 3) unit directions go, infinite where nothing is hit."""
+        if not len(origins):
+            return np.zeros(0, np.float32)
+        return self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))["t_hit"].numpy()
+
+    def intersections(
+        self, origins: NDArray[np.floating], directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """(H,) ray and (H,) distance of every crossing of (N, 3) rays with the mesh, in the order of the rays."""
+        found = self._scene.list_intersections(_tensor(np.column_stack([origins, directions]), np.float32))
+        return found["ray_ids"].numpy().astype(np.int64), found["t_hit"].numpy().astype(np.float64)
+
 
 def _tensor(array: NDArray[Any], dtype: type) -> Any:
     return o3d.core.Tensor.from_numpy(np.ascontiguousarray(array, dtype))

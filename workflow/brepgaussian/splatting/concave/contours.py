@@ -1,0 +1,78 @@
+"""Rays just inside of every contour: a solid that fills the silhouettes stands in the way of all of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.scene import Scene
+
+Array = NDArray[np.float64]
+
+_INSET_PX = 1.25  # from the contour: a surface that is right to half a pixel uncovers nothing
+_STRIDE = 3  # between the pixels of a contour
+_INNER_STRIDE_PX = 16  # between the rays through a silhouette's middle
+
+
+@dataclass(frozen=True)
+class Chords:
+    """What rays have in a solid: chord by chord, those of one ray in a row.
+
+    Attributes:
+        ray: (S,) index of each chord's ray, ascending.
+        entry, exit: (S, 3) its ends.
+    """
+
+    ray: NDArray[np.int64]
+    entry: Array
+    exit: Array
+
+    def trimmed(self, normal: Array, offset: float) -> "Chords":
+        """What is left of them where normal . x <= offset."""
+        first, last = self.entry @ normal - offset, self.exit @ normal - offset
+        kept = (first < 0) | (last < 0)
+        first, last, a, b = first[kept, None], last[kept, None], self.entry[kept], self.exit[kept]
+        cross = a + np.clip(first / np.where(first == last, 1, first - last), 0, 1) * (b - a)
+        return Chords(self.ray[kept], np.where(first < 0, a, cross), np.where(last < 0, b, cross))
+
+
+def loss(chords: Chords, left: Chords, normal: Array, offset: float) -> float:
+    """Share of the rays which a half-space touches that meet nothing once it is gone."""
+    touched = (chords.entry @ normal > offset) | (chords.exit @ normal > offset)
+    rays = np.unique(chords.ray[touched])
+    return float(1 - np.isin(rays, left.ray).mean()) if len(rays) else 0.0
+
+
+def contour_rays(views: Views) -> tuple[Array, Array]:
+    """(R, 3) origins and (R, 3) unit directions."""
+    origins, directions = [], []
+    for view, alpha in enumerate(views.alpha):
+        center, ray = views.cameras.rays(view, _pixels(alpha))
+        origins.append(np.broadcast_to(center, ray.shape))
+        directions.append(ray)
+    return np.concatenate(origins), np.concatenate(directions)
+
+
+def chords_in(scene: Scene, origins: Array, directions: Array) -> Chords:
+    """The chords of rays in a closed mesh."""
+    ray, distance = scene.intersections(origins, directions)
+    order = np.lexsort((distance, ray))
+    ray, distance = ray[order], distance[order]
+    start = np.searchsorted(ray, ray)
+    entering = (np.arange(len(ray)) - start) % 2 == 0
+    index = np.flatnonzero(entering[:-1] & (ray[1:] == ray[:-1]))
+    found = ray[index]
+    ends = (origins[found] + distance[k][:, None] * directions[found] for k in (index, index + 1))
+    return Chords(found, *ends)
+
+
+def _pixels(alpha: NDArray[np.uint8]) -> Array:
+    """(R, 2) centres of pixels just inside a silhouette's contour, and of some in its middle."""
+    depth = ndimage.distance_transform_edt(np.pad(alpha > 127, 1))[1:-1, 1:-1] - 0.5
+    rim = np.flatnonzero((depth > _INSET_PX) & (depth <= _INSET_PX + 1))[::_STRIDE]
+    middle = np.zeros(depth.shape, bool)
+    middle[::_INNER_STRIDE_PX, ::_INNER_STRIDE_PX] = True
+    rows, columns = np.unravel_index(np.concatenate([rim, np.flatnonzero(middle & (depth > _INSET_PX))]), depth.shape)
+    return np.column_stack([columns + 0.5, rows + 0.5])
