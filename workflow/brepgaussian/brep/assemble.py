@@ -34,7 +34,7 @@ def attempt(job: Job, rung: Rung) -> Attempt:
     try:
         shape, notes = assemble(job, rung)
         patches = patches_of(job, rung)
-        verdict = examine(shape, patches, job.silhouettes, job.settings, job.ends)
+        verdict = examine(shape, patches, job.silhouettes, job.settings, job.ends, job.left_out)
         verdict, surfaces = oriented(verdict, tuple(p.surface for p in patches))
         data = None if verdict.faults else occ.to_bytes(shape)
     except Exception as error:  # OCC raises types of its own; whatever it is, the next rung is tried
@@ -45,7 +45,7 @@ def attempt(job: Job, rung: Rung) -> Attempt:
 def judge(data: bytes, job: Job, rung: Rung, notes: dict[str, Any]) -> Attempt:
     """A solid from elsewhere (OCC bytes, unit frame) as an attempt of a job."""
     patches = patches_of(job, rung)
-    verdict = examine(occ.from_bytes(data), patches, job.silhouettes, job.settings, job.ends)
+    verdict = examine(occ.from_bytes(data), patches, job.silhouettes, job.settings, job.ends, job.left_out)
     verdict, surfaces = oriented(verdict, tuple(p.surface for p in patches))
     return Attempt(rung.name, None if verdict.faults else data, verdict, surfaces, notes=notes)
 

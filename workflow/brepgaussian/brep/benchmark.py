@@ -1,6 +1,7 @@
 """Benchmark of assembly alone: truth-labelled points with known damage -> primitives -> brep.
 
-`python -m brepgaussian.brep.benchmark OUT.csv [--objects ...] [--sigmas ...] ...` writes one row a case.
+`benchmark_object` gives the rows of one bundled part, `write_csv` and `join_csv` make the table of them.
+`python -m brepgaussian.brep.benchmark OUT.csv [--objects ...] [--sigmas ...] ...` writes chosen cases.
 """
 
 import argparse
@@ -34,6 +35,9 @@ COLUMNS = (
     "object group primitives sigma wrong_labels damage seed valid closed fallback topology_match volume_iou seconds "
     "rung faces faces_truth reason"
 ).split()
+SIGMAS = (0.0, 0.002, 0.005, 0.01)
+MOST_WRONG = 0.05  # share of wrong labels
+DAMAGE_SIGMA = 0.005  # noise of damaged clouds
 _VIEWS = ViewsSettings(rendered_views=16, image_size=400, mesh_deflection=2e-4)
 _IOU_GRID = 48
 _DEFLECTION = 5e-4
@@ -116,6 +120,39 @@ def score(data: bytes, truth: Truth) -> dict[str, Any]:
     }
 
 
+def cases_of(
+    name: str,
+    sigmas: Sequence[float] = SIGMAS,
+    damages: Sequence[str] = DAMAGES,
+    seeds: Sequence[int] = range(5),
+    most_wrong: float = MOST_WRONG,
+    damage_sigma: float = DAMAGE_SIGMA,
+) -> list[Case]:
+    """The cases of one part: every noise without damage, every damage at one noise, each with every seed.
+
+    The share of wrong labels rises with the seed from 0 to `most_wrong`.
+    """
+    last = max(len(seeds) - 1, 1)
+    wrong = [round(most_wrong * k / last, 4) for k in range(len(seeds))]
+    cells = [(s, "none") for s in sigmas] + [(damage_sigma, d) for d in damages if d != "none"]
+    return [Case(name, s, w, d, seed) for seed, w in zip(seeds, wrong, strict=True) for s, d in cells]
+
+
+def benchmark_object(
+    name: str, cases: Sequence[Case] | None = None, settings: BrepSettings | None = None, threads: int = 1
+) -> list[dict[str, Any]]:
+    """All rows of one bundled part (columns `COLUMNS`); a case that fails is a row with its reason.
+
+    Args:
+        name: of the part.
+        cases: what is done to it; `cases_of(name)` if None.
+        settings: of the stage.
+        threads: numeric libraries are bound to this number.
+    """
+    bind(threads)
+    return run(cases_of(name) if cases is None else cases, settings or BrepSettings())
+
+
 def run(cases: Iterable[Case], settings: BrepSettings) -> list[dict[str, Any]]:
     """All rows, in order."""
     rows: list[dict[str, Any]] = []
@@ -138,6 +175,17 @@ def write_csv(rows: Sequence[dict[str, Any]], path: str | Path) -> None:
         writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def join_csv(paths: Sequence[str | Path], out: str | Path) -> None:
+    """One table of the tables of several parts."""
+    import csv
+
+    rows: list[dict[str, Any]] = []
+    for path in paths:
+        with Path(path).open(newline="", encoding="utf-8") as stream:
+            rows += csv.DictReader(stream)
+    write_csv(rows, out)
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> str:

@@ -13,9 +13,11 @@ from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.brep.structure import Structure, extract
 from brepgaussian.brep.verdict import Verdict
+from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 _DEFLECTION, _ANGLE = 5e-4, 0.2  # of the tessellation that is compared: a fifth of a pixel at 400 px
 _SIGMAS = 3.0
@@ -24,6 +26,8 @@ _IDENTICAL = 1e-6  # distance between two surfaces that are one, unit frame
 _PROBES = 30
 _SHORT_EDGE = 1e-5  # unit frame; shorter edges are debris
 _LEAST_VOLUME = 1e-6
+_MOST_NEAR = 10_000  # points that tell how much of a cloud lies on a solid
+_BESIDE = 4  # samples of the solid beside a point: at an edge they lie on two faces
 
 
 def examine(
@@ -32,8 +36,18 @@ def examine(
     silhouettes: Silhouettes | None,
     settings: BrepSettings,
     ends: Array | None = None,
+    left_out: Sequence[Patch] = (),
 ) -> Verdict:
-    """Examine a solid (TopoDS_Shape, unit frame); `ends` are points (N, 3) on open borders."""
+    """Examine a solid (TopoDS_Shape, unit frame).
+
+    Args:
+        shape: the solid.
+        patches: that it was built from.
+        silhouettes: of the views, None without.
+        settings: the limits.
+        ends: (N, 3) points on open borders.
+        left_out: patches that were not used; their points count all the same.
+    """
     faults = integrity(shape)
     if faults:
         return Verdict(faults)
@@ -46,12 +60,11 @@ def examine(
     on = np.array([same[f.surface] if f.surface >= 0 else -1 for f in structure.faces])[owner[source]]
     explained, bare = _explain(patches, same, samples, weight, on)
     sizes = np.array([0 if p.cap else len(p.xyz) for p in patches])
+    near = _Nearness(samples, surfaces, np.array([f.surface for f in structure.faces])[owner[source]], patches)
+    low = [i for i, p in enumerate(patches) if explained[i] < settings.gate_explained and not p.cap]
+    superfluous = tuple(i for i in low if near.share(patches[i].xyz) >= settings.gate_explained)
     iou = silhouettes.iou(nodes[triangles]) if silhouettes is not None else None
-    doubts = [
-        f"patch {patches[i].primitive} is explained to {share:.0%}"
-        for i, share in enumerate(explained)
-        if share < settings.gate_explained and not patches[i].cap
-    ]
+    doubts = [f"patch {patches[i].primitive} is explained to {explained[i]:.0%}" for i in low if i not in superfluous]
     if iou is not None and iou < settings.gate_iou:
         doubts.append(f"silhouettes agree to an IoU of {iou:.3f} only")
     if any(f.surface < 0 for f in structure.faces):
@@ -63,6 +76,8 @@ def examine(
         hints=tuple(hints),
         explained=tuple(float(e) for e in explained),
         explained_all=float(explained @ sizes / max(sizes.sum(), 1)),
+        superfluous=superfluous,
+        on_solid=near.share(np.concatenate([*(p.xyz for p in (*patches, *left_out) if not p.cap), np.zeros((0, 3))])),
         iou=iou,
         bare=bare,
         ends=_at_edges(structure, ends, settings),
@@ -73,6 +88,29 @@ def examine(
         volume=occ.volume(shape),
         structure=structure,
     )
+
+
+class _Nearness:
+    """How near points are to a solid: to the surfaces of the faces beside them."""
+
+    def __init__(self, samples: Array, surfaces: Sequence[Surface], on: Indices, patches: Sequence[Patch]) -> None:
+        """Take samples on the solid's faces, (N,) the surface of each, and the patches, which know the noise."""
+        self._tree, self._surfaces, self._on = cKDTree(samples), surfaces, on
+        self._limit = _SIGMAS * float(np.median([p.sigma for p in patches if not p.cap] or [0.0]))
+
+    def share(self, points: Array) -> float:
+        """Share of (N, 3) points within three noises of the solid."""
+        points = points[:: max(1, len(points) // _MOST_NEAR)]
+        if not len(points):
+            return 1.0
+        reach = _SPACINGS * SAMPLE_SPACING + self._limit
+        found = self._tree.query(points, k=_BESIDE, distance_upper_bound=reach)[1]
+        faces = np.append(self._on, -1)[found]  # (N, _BESIDE)
+        best = np.full(len(points), np.inf)
+        for surface in np.unique(faces[faces >= 0]).tolist():
+            rows = np.flatnonzero((faces == surface).any(axis=1))
+            best[rows] = np.minimum(best[rows], np.abs(self._surfaces[surface].signed_distance(points[rows])))
+        return float(np.mean(best <= max(self._limit, _IDENTICAL)))
 
 
 def _at_edges(structure: Structure, ends: Array | None, settings: BrepSettings) -> float:

@@ -44,6 +44,7 @@ class Job:
         ends: (N, 3) points on open borders; `open_patches`: indices of the patches that have such.
         silhouettes: evidence of the views, None without usable views.
         settings: of the stage.
+        left_out: patches that take no part in the solid; their points are still evidence of what lies on it.
     """
 
     patches: tuple[Patch, ...]
@@ -52,6 +53,7 @@ class Job:
     open_patches: tuple[int, ...]
     silhouettes: Silhouettes | None
     settings: BrepSettings
+    left_out: tuple[Patch, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,9 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.patches import Patch
@@ -14,9 +17,13 @@ from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
 
+Array = NDArray[np.float64]
+
 OTHER_TOPOLOGY = "its topology differs"
 _ROUNDS = 2  # of refining and rebuilding
 _MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
+_SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
+_ROUNDING = 1e-9
 _IOU_SLACK = 1e-3  # what the kernel's solid may lose against the refined triangulation
 
 
@@ -27,10 +34,12 @@ class Polished:
     Attributes:
         attempt: the rebuilt solid, or the given one where that is better or cannot be rebuilt.
         report: `silhouette_px`, `mask_iou`, `accepted` of that solid, and how the refinement went.
+        shown: samples of every edge that the images show as a step of luminance, one array an edge.
     """
 
     attempt: Attempt
     report: dict[str, Any]
+    shown: tuple[Array, ...] = ()
 
 
 def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views) -> Polished:
@@ -47,12 +56,13 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         structure, mesh = _inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
-            return Polished(attempt, _figures(test) | {"refined": False})
+            return Polished(attempt, _figures(test) | {"refined": False}, _shown(structure, test))
         for _ in range(_ROUNDS):
             result = refine(structure, mesh, attempt.surfaces, views, settings)
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
-                best = Polished(attempt, _figures(result.before) | {"refined": False, "refinement": details})
+                figures = _figures(result.before) | {"refined": False, "refinement": details}
+                best = Polished(attempt, figures, _shown(structure, result.before))
             if not result.report["kept"]:
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
@@ -61,19 +71,39 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
                 best.report["refinement_fault"] = rebuilt
                 break
             same = _named(rebuilt[0]) == _named(attempt)
-            attempt, test = rebuilt
+            attempt, test, structure, mesh = rebuilt
             details |= {"edges": test.edges, "faces": test.faces}
-            best = Polished(attempt, _figures(test) | {"refined": True, "refinement": details})
+            figures = _figures(test) | {"refined": True, "refinement": details}
+            best = Polished(attempt, figures, _shown(structure, test))
             if same:
                 break
             job = with_surfaces(job, rung, result.surfaces, {f.surface for f in result.structure.faces})
-            structure, mesh = _inspect(worker, attempt, settings)
     except (WorkerError, BrepGaussianError, ValueError, ArithmeticError, RuntimeError, IndexError) as error:
         log.warning("no refinement: %s", error)
         best = best or Polished(attempt, {"refined": False})
         best.report["refinement_fault"] = str(error)
     assert best is not None
     return best
+
+
+def _shown(structure: Structure, test: Any) -> tuple[Array, ...]:
+    """Edges beside which the images show a step of luminance, most samples where it is expected."""
+    found = []
+    for row in test.edges:
+        kind, index = str(row["name"]).rsplit(" ", 1)
+        px = row["interior_px"]
+        if kind == "edge" and px is not None and px < _SHOWN_PX:
+            found.append(structure.edges[int(index)].polyline)
+    return tuple(found)
+
+
+def badness(report: dict[str, Any], settings: BrepSettings) -> float:
+    """How much the images dislike a solid, in units of the acceptance limits; infinite if it was not judged."""
+    px, iou = report.get("silhouette_px"), report.get("mask_iou")
+    if px is None or iou is None:
+        return float("inf")
+    missing = (1 - iou) / max(1 - settings.accept_iou, _ROUNDING)
+    return float(px / max(settings.accept_silhouette_px, _ROUNDING) + missing)
 
 
 def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
@@ -83,8 +113,8 @@ def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
 
 def _rebuilt(
     worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views
-) -> tuple[Attempt, Any] | str:
-    """The solid of the refined surfaces with its acceptance test, or what is wrong with it.
+) -> tuple[Attempt, Any, Structure, Any] | str:
+    """The solid of the refined surfaces with its acceptance test, structure and triangulation, or what is wrong.
 
     First from the refined faces themselves, then from the points as before.
     """
@@ -110,7 +140,7 @@ def _rebuilt(
         poses = result.poses if result.poses.any() else None
         test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=poses, tone=result.tone)
         if _as_good(test, result, same=not difference):
-            return rebuilt, test
+            return rebuilt, test, structure, mesh
         fault = fault or difference or "the rebuilt solid agrees less with the images than its surfaces"
     return fault
 

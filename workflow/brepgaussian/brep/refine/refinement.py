@@ -257,12 +257,18 @@ def _with_twins(structure: Structure, before: Sequence[Surface], run: _Run) -> t
 
 
 def _better(after: Acceptance, before: Acceptance) -> bool:
-    """Whether the test likes the result better than the start."""
+    """Whether the test likes the result better than the start.
+
+    Acceptance decides. Short of it, neither figure may get worse: an edge that few samples show in few views may
+    be drawn away from where the points had it, while the masks as a whole improve.
+    """
     if before.accepted != after.accepted:
         return after.accepted
-    if after.mask_iou < before.mask_iou - _IOU_SLACK:
+    if after.mask_iou < before.mask_iou - (_IOU_SLACK if after.accepted else 0.0):
         return False
-    return after.mask_iou > before.mask_iou or after.silhouette_px < before.silhouette_px  # NaN compares false
+    if not after.accepted and after.silhouette_px > before.silhouette_px:  # NaN compares false
+        return False
+    return after.mask_iou > before.mask_iou or after.silhouette_px < before.silhouette_px
 
 
 def _largest_move(before: FaceMesh, after: FaceMesh) -> float:

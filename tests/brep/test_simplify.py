@@ -1,0 +1,122 @@
+"""Simpler hypotheses: what is proposed, what the gate makes of superfluous patches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep import occ
+from brepgaussian.brep.assemble import attempt
+from brepgaussian.brep.gate import examine
+from brepgaussian.brep.job import Rung
+from brepgaussian.brep.ladder import make_job
+from brepgaussian.brep.patches import make_patches
+from brepgaussian.brep.simplify import applied, compatible, complexity, proposals
+from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.geometry.surfaces import cone, plane, torus
+from brepgaussian.settings.brep import BrepSettings
+
+SIGMA = 0.002
+
+
+@pytest.fixture
+def block(kit):
+    return kit.block_with_hole(sigma=SIGMA, count=12000, seed=5)
+
+
+def patches_of(block):
+    return make_patches(block.primitives.items, block.points, 0.05)
+
+
+def split(patch, at):
+    """One patch in two labels with slightly different planes."""
+    left = patch.xyz[:, 0] < at
+    tilt = patch.surface.axis + np.array([0.01, 0, 0])
+    first = replace(patch, xyz=patch.xyz[left], normals=patch.normals[left])
+    other = plane(patch.surface.origin, tilt) if patch.surface.kind == "plane" else patch.surface
+    return first, replace(patch, xyz=patch.xyz[~left], normals=patch.normals[~left], surface=other, primitive=90)
+
+
+def test_nothing_is_proposed_for_the_truth(block):
+    assert proposals(patches_of(block), SIGMA, 0) == []
+
+
+@pytest.mark.parametrize("which", [4, 6])
+def test_a_face_in_two_patches_is_merged(block, which):
+    patches = patches_of(block)
+    kind = patches[which].surface.kind
+    patches[which : which + 1] = split(patches[which], 0.45)
+    found = proposals(patches, SIGMA, 0)
+    assert [c.gone for c in found] == [(which, which + 1)]
+    new = found[0].new
+    assert new.surface.kind == kind
+    assert len(new.xyz) == len(patches[which].xyz) + len(patches[which + 1].xyz)
+    assert np.abs(new.surface.signed_distance(new.xyz)).mean() < SIGMA
+
+
+@pytest.mark.parametrize(
+    "bent",
+    [
+        cone(np.array([0.5, 0.5, 0.75]), np.array([0, 0, -1.0]), 0.2, np.radians(89.0)),
+        torus(np.array([0.5, 0.5, -9.3]), np.array([0, 0, 1.0]), 0.4, 10.05),
+    ],
+)
+def test_a_bent_plane_is_straightened(block, bent):
+    patches = patches_of(block)
+    patches[5] = replace(patches[5], surface=bent)
+    found = [c for c in proposals(patches, SIGMA, 0) if c.gone == (5,)]
+    assert found[0].new.surface.kind == "plane"
+    assert abs(found[0].new.surface.axis[2]) == pytest.approx(1, abs=1e-4)
+
+
+def test_changes_of_one_patch_are_not_taken_together(block):
+    job = make_job(_no_views(), block.points, block.primitives, BrepSettings())
+    fringe = replace(job.patches[0], xyz=job.patches[0].xyz[:40], normals=job.patches[0].normals[:40], primitive=77)
+    job = replace(job, patches=(*job.patches, fringe), open_patches=(6, 7))
+    found = proposals(job.patches, SIGMA, 0)
+    assert {7} <= {i for c in found for i in c.gone}
+    chosen = compatible(found)
+    touched = [i for c in chosen for i in c.gone]
+    assert len(touched) == len(set(touched))
+    drop = next(c for c in found if c.new is None)
+    after = applied(job, [drop])
+    assert len(after.patches) == 7
+    assert after.open_patches == (6,)
+    assert [p.primitive for p in after.left_out] == [77]
+    merged = applied(job, [next(c for c in found if c.new is not None)])
+    assert sum(len(p.xyz) for p in merged.patches) == sum(len(p.xyz) for p in job.patches)
+
+
+def _no_views():
+    cameras = Cameras(np.tile([100.0, 100, 16, 16], (8, 1)), np.tile(np.eye(4), (8, 1, 1)), 32, 32)
+    blank = np.zeros((8, 32, 32), np.uint8)
+    return Views("none", tuple("abcdefgh"), np.zeros((8, 32, 32, 3), np.uint8), blank, cameras, np.eye(4))
+
+
+def test_a_superfluous_patch_raises_no_doubt_but_a_lost_one_does(block):
+    job = make_job(_no_views(), block.points, block.primitives, BrepSettings())
+    edge = job.patches[5].xyz[:, 0] > 0.95
+    on = job.patches[5].surface.project(job.patches[5].xyz[edge])
+    tilted = plane(np.array([0.97, 0.5, 0.75]), np.array([0.2, 0, 1.0]))
+    fringe = replace(job.patches[5], surface=tilted, xyz=on, normals=tilted.normals(on).copy(), sigma=SIGMA)
+    fringe = replace(fringe, primitive=77)
+    solid = attempt(job, Rung("support", 0.04))
+    verdict = examine(occ.from_bytes(solid.shape), (*job.patches, fringe), None, job.settings)
+    assert verdict.superfluous == (7,)
+    assert verdict.doubts == ()
+    assert verdict.on_solid > 0.95
+    away = on - [0, 0, 0.1]
+    lost = replace(fringe, xyz=away, surface=plane(away.mean(axis=0), np.array([0.1, 0, 1.0])))
+    verdict = examine(occ.from_bytes(solid.shape), (*job.patches, lost), None, job.settings)
+    assert verdict.superfluous == ()
+    assert len(verdict.doubts) == 1
+    left_out = examine(occ.from_bytes(solid.shape), job.patches, None, job.settings, left_out=[lost])
+    assert left_out.doubts == ()
+    assert left_out.on_solid < solid.verdict.on_solid
+
+
+def test_complexity_counts_faces_first(block):
+    surfaces = [p.surface for p in patches_of(block)]
+    assert complexity(surfaces, range(7)) == (7, 1)
+    assert complexity(surfaces, [0, 1, 6, 6]) == (4, 1)
+    assert complexity(surfaces, [0, -1]) == (2, 0)

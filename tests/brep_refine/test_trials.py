@@ -1,0 +1,69 @@
+"""The images decide: over-segmented and bent solids become the simpler ones that they show, and no more."""
+
+import time
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.primitives import Primitive, Primitives
+from brepgaussian.brep.damage import damaged
+from brepgaussian.brep.ladder import climb, make_job
+from brepgaussian.brep.polish import badness
+from brepgaussian.brep.worker import Worker
+from brepgaussian.geometry.surfaces import cone
+from brepgaussian.primitives.stage import primitives_of
+from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.settings.primitives import PrimitivesSettings
+from brepgaussian.settings.views import ViewsSettings
+
+SETTINGS = BrepSettings()
+
+
+@pytest.fixture(scope="module")
+def worker():
+    with Worker() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def part():
+    """Views, points and primitives of a plate with a hole."""
+    from brepgaussian.views.source_rendered import load_part
+
+    options = ViewsSettings(rendered_views=12, image_size=400, interreflection=0.0)
+    loaded = load_part("block_hole:4", "block_hole:4", "", True, options, 1)
+    points = damaged(loaded.truth, 0.002, 0.01, "none", 4)
+    return loaded.views, points, primitives_of(points, PrimitivesSettings())
+
+
+def solve(worker, part, primitives, settings=SETTINGS):
+    views, points, _ = part
+    return climb(worker, make_job(views, points, primitives, settings), points, time.monotonic(), views)
+
+
+def test_the_right_solid_is_left_alone(worker, part):
+    outcome = solve(worker, part, part[2])
+    assert outcome.report["faces"] == 7
+    assert outcome.report["accepted"]
+    assert not [t for t in outcome.report.get("trials", []) if not t["fault"]]
+
+
+def test_a_shallow_cone_becomes_the_plane_that_the_images_show(worker, part):
+    items = list(part[2].items)
+    index = next(i for i, p in enumerate(items) if p.surface.kind == "plane")
+    surface, xyz = items[index].surface, part[1].xyz[items[index].support]
+    middle = xyz.mean(axis=0) + 0.5 * surface.frame()[0]
+    bent = cone(surface.project(middle[None])[0], -surface.axis, 0.5, np.radians(88.5))
+    items[index] = Primitive(bent, items[index].label, items[index].support, items[index].rms)
+    outcome = solve(worker, part, Primitives(tuple(items), sigma=part[2].sigma))
+    assert sorted(s.kind for s in outcome.surfaces) == ["cylinder"] + ["plane"] * 6
+    assert outcome.report["accepted"]
+    plain = solve(worker, part, Primitives(tuple(items), sigma=part[2].sigma), BrepSettings(simplify=False))
+    assert "cone" in {s.kind for s in plain.surfaces}
+    assert badness(outcome.report, SETTINGS) < badness(plain.report, SETTINGS)
+
+
+def test_badness_is_in_units_of_the_limits():
+    at_limit = {"silhouette_px": SETTINGS.accept_silhouette_px, "mask_iou": SETTINGS.accept_iou}
+    assert badness(at_limit, SETTINGS) == pytest.approx(2)
+    assert badness({"silhouette_px": 0.0, "mask_iou": 1.0}, SETTINGS) == 0
+    assert badness({"silhouette_px": None, "mask_iou": 1.0}, SETTINGS) == float("inf")

@@ -1,0 +1,179 @@
+"""The search for the solid that the points and the images like best: rungs of the ladder, then simpler solids."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.polish import Polished, badness, polish
+from brepgaussian.brep.rungs import MENDING, rungs
+from brepgaussian.brep.trials import Trials
+from brepgaussian.brep.verdict import Verdict
+from brepgaussian.brep.worker import Worker, WorkerError
+from brepgaussian.errors import BrepGaussianError
+from brepgaussian.log import get_logger
+
+_CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
+_SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
+_SAME_ENOUGH = 3  # rungs after the first that gave its solid again
+_SMALL = 0.03  # of all points: the images decide whether patches of so few are faces
+_MOST_RIVALS = 2  # solids of another shape that are refined where the images refuse the first
+
+Shape = tuple[int, int, int, float]
+
+
+@dataclass
+class Search:
+    """One object's search.
+
+    Attributes:
+        worker: runs the geometry kernel.
+        job: what the rungs need.
+        start: time (monotonic) from which the total limit counts.
+        views: images that judge; None to do without.
+        tried: all attempts in order.
+        polished: refined solids by the shape that they came from.
+    """
+
+    worker: Worker
+    job: Job
+    start: float
+    views: Views | None
+    tried: list[Attempt] = field(default_factory=list)
+    polished: dict[Shape, Polished] = field(default_factory=dict)
+
+    def run(self) -> Polished | None:
+        """The best solid, judged by the images where there are some; None if no rung gives one fit to publish."""
+        self._ladder = rungs(self.job) if self.job.patches else []
+        self._climb(to_the_end=False)
+        chosen = self.choose()
+        if chosen is None or self.views is None:
+            return None if chosen is None else Polished(chosen, {})
+        best = self._simplified(self._best_judged() or self._judged(chosen))
+        unsure = bool(chosen.verdict.doubts or chosen.verdict.hints)  # else other rungs hardly find another shape
+        if unsure and best.report.get("accepted") is False:
+            self._climb(to_the_end=True)
+            rivals = self._rivals(chosen)
+            better = min((self._judged(r) for r in rivals), key=self._badness, default=best)
+            if self._badness(better) < self._badness(best):
+                best = self._simplified(better)
+        return best
+
+    def choose(self) -> Attempt | None:
+        """The best attempt by points and coarse silhouettes: without doubts if there is one."""
+        clean = [t for t in self.tried if t.shape is not None and not t.verdict.doubts]
+        some = clean or self._publishable()
+        return _best(some) if some else None
+
+    def _climb(self, to_the_end: bool) -> None:
+        """Try the rungs that were not tried yet; stop at a good solid unless `to_the_end`."""
+        done = {t.rung for t in self.tried}
+        for rung in self._ladder:
+            if rung.name in done:
+                continue
+            if self._late() or self._repeating() or (not to_the_end and self._settled()):
+                break
+            try:
+                result = self.worker.call("assemble:attempt", (self.job, rung), self.job.settings.time_limit_s)
+            except (WorkerError, BrepGaussianError) as error:
+                result = Attempt(rung.name, None, Verdict((str(error),)))
+            self.tried.append(result)
+            get_logger("brep").info("rung %s: %s", rung.name, _remarks(result) or "accepted")
+            if self._promising(result) and self._judged(result).report.get("accepted"):
+                break
+
+    def _late(self) -> bool:
+        return time.monotonic() - self.start > self.job.settings.total_time_s
+
+    def _settled(self) -> bool:
+        """Whether a solid is good enough to stop: no doubts, and no rung left that could mend a bare area."""
+        good = [t for t in self.tried if t.shape is not None and not t.verdict.doubts]
+        if not good:
+            return False
+        done = {t.rung for t in self.tried}
+        mended = all(r.name in done for r in self._ladder if r.name in MENDING)
+        return mended or any(not t.verdict.hints for t in good)
+
+    def _repeating(self) -> bool:
+        """Whether rungs keep giving one and the same solid: the doubts lie in the primitives, not in the rung."""
+        shapes = [shape_of(t) for t in self.tried if t.shape is not None]
+        return len(shapes) > _SAME_ENOUGH and len(set(shapes[-_SAME_ENOUGH - 1 :])) == 1
+
+    def _promising(self, attempt: Attempt) -> bool:
+        """Whether the images may settle what doubts there are: all of them are about patches of few points."""
+        verdict, settings = attempt.verdict, self.job.settings
+        if self.views is None or not settings.refine or attempt.shape is None or verdict.hints:
+            return False
+        if not verdict.doubts or (verdict.iou is not None and verdict.iou < settings.gate_iou):
+            return False
+        sizes = np.array([len(p.xyz) for p in self.job.patches], float)
+        low = np.array(verdict.explained[: len(sizes)]) < settings.gate_explained
+        return bool(sizes[low].sum() <= _SMALL * sizes.sum())
+
+    def _publishable(self) -> list[Attempt]:
+        """Solids that beat the polyhedral fallback, doubts or not."""
+        settings = self.job.settings
+        return [
+            t
+            for t in self.tried
+            if t.shape is not None
+            and t.verdict.explained_all >= settings.weak_explained
+            and (t.verdict.iou is None or t.verdict.iou >= settings.weak_iou)
+        ]
+
+    def _rivals(self, chosen: Attempt) -> list[Attempt]:
+        """The best solids of other shapes."""
+        left = [t for t in self._publishable() if shape_of(t) != shape_of(chosen)]
+        result: list[Attempt] = []
+        while left and len(result) < _MOST_RIVALS:
+            result.append(_best(left))
+            left = [t for t in left if shape_of(t) != shape_of(result[-1])]
+        return result
+
+    def _rung(self, name: str) -> Rung:
+        return next(r for r in self._ladder if r.name == name)
+
+    def _judged(self, attempt: Attempt) -> Polished:
+        """An attempt refined and judged by the images (once for every shape)."""
+        assert self.views is not None
+        shape = shape_of(attempt)
+        if shape not in self.polished:
+            self.polished[shape] = polish(self.worker, self.job, self._rung(attempt.rung), attempt, self.views)
+        return self.polished[shape]
+
+    def _best_judged(self) -> Polished | None:
+        """A solid that the images accepted while rungs were tried."""
+        return next((p for p in self.polished.values() if p.report.get("accepted")), None)
+
+    def _badness(self, polished: Polished) -> float:
+        return badness(polished.report, self.job.settings)
+
+    def _simplified(self, best: Polished) -> Polished:
+        """The solid after simpler ones were tried."""
+        settings = self.job.settings
+        if self.views is None or not (settings.simplify and settings.refine):
+            return best
+        end = min(time.monotonic() + settings.simplify_time_s, self.start + settings.total_time_s)
+        rung = self._rung(best.attempt.rung)
+        return Trials(self.worker, self.views, self.job, rung, best, end, settings.simplify_trials).run()
+
+
+def shape_of(attempt: Attempt) -> Shape:
+    """What tells two solids apart."""
+    verdict = attempt.verdict
+    return verdict.faces, verdict.edges, verdict.vertices, round(verdict.volume, _SHAPE_DIGITS)
+
+
+def _remarks(result: Attempt) -> str:
+    return "; ".join(result.verdict.faults + result.verdict.doubts + result.verdict.hints)
+
+
+def _best(solids: list[Attempt]) -> Attempt:
+    """The highest score; an earlier rung stands unless a later one is clearly better."""
+    best = solids[0]
+    for other in solids[1:]:
+        if other.verdict.score > best.verdict.score + _CLEARLY:
+            best = other
+    return best

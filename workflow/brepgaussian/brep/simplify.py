@@ -1,0 +1,182 @@
+"""Simpler hypotheses about a solid: fewer surfaces, or simpler ones, that the points explain nearly as well.
+
+Points alone over-segment: a fringe of rounded-off points becomes a face of its own, one face comes in two patches,
+a plane that bulges becomes a shallow cone. Here such changes are proposed generously; `trials` lets the images decide.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.job import Job
+from brepgaussian.brep.patches import Patch
+from brepgaussian.geometry.fit_robust import fit_robust
+from brepgaussian.geometry.surfaces import Surface
+
+Array = NDArray[np.float64]
+
+SIMPLER = {
+    "plane": (),
+    "cylinder": ("plane",),
+    "sphere": ("plane",),
+    "cone": ("plane", "cylinder"),
+    "torus": ("plane", "cylinder", "sphere", "cone"),
+}
+COMPLEXITY = {"plane": 0, "cylinder": 1, "sphere": 1, "cone": 2, "torus": 3}
+_QUANTILE = 0.7  # of distances: the rest may be wrong labels and rounded-off borders
+_SIGMAS = 3.0  # noises, or own distances, within which the simpler surface must explain a patch
+_TURN = np.cos(np.radians(20.0))  # and its normals agree with those of the points, in the median
+_TOUCH = 2.0  # of reach: patches this near to each other are neighbours
+_MOST_FITTED = 1500  # points of a patch that a proposal is fitted to
+_SMALL = 0.015  # of all points: larger patches are not left out
+_HALF = 0.5  # of a small patch's points that others must explain
+
+
+@dataclass(frozen=True)
+class Change:
+    """One simplification.
+
+    Attributes:
+        name: for the report.
+        gone: indices of patches that it replaces.
+        new: what takes their place; None if they are left out.
+    """
+
+    name: str
+    gone: tuple[int, ...]
+    new: Patch | None
+
+
+def proposals(patches: Sequence[Patch], noise: float, seed: int) -> list[Change]:
+    """All changes that the points allow: merges of neighbours, then simpler kinds, then small patches left out."""
+    rng = np.random.default_rng(seed)
+    return [*_merges(patches, noise, rng), *_kinds(patches, noise, rng), *_drops(patches, noise)]
+
+
+def applied(job: Job, changes: Sequence[Change]) -> Job:
+    """The job after changes that share no patch; what was left out stays as evidence."""
+    gone = {i for c in changes for i in c.gone}
+    kept = [i for i in range(len(job.patches)) if i not in gone]
+    patches = [job.patches[i] for i in kept]
+    opened = [i in job.open_patches for i in kept]
+    left_out = list(job.left_out)
+    for change in changes:
+        if change.new is None:
+            left_out += [job.patches[i] for i in change.gone]
+        else:
+            patches.append(change.new)
+            opened.append(any(i in job.open_patches for i in change.gone))
+    order = sorted(range(len(patches)), key=lambda k: patches[k].primitive)
+    return replace(
+        job,
+        patches=tuple(patches[k] for k in order),
+        open_patches=tuple(i for i, k in enumerate(order) if opened[k]),
+        left_out=tuple(left_out),
+    )
+
+
+def compatible(changes: Sequence[Change]) -> list[Change]:
+    """The first changes of a list that share no patch."""
+    taken: set[int] = set()
+    result = []
+    for change in changes:
+        if not taken & set(change.gone):
+            taken |= set(change.gone)
+            result.append(change)
+    return result
+
+
+def complexity(surfaces: Sequence[Surface], faces: Sequence[int]) -> tuple[int, int]:
+    """Number of faces and the sum of their surfaces' complexities; `faces` names the surface of each (-1: none)."""
+    return len(faces), sum(COMPLEXITY[surfaces[i].kind] for i in set(faces) if i >= 0)
+
+
+def _merges(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
+    """Neighbours that one surface explains, best first."""
+    found: list[tuple[float, Change]] = []
+    trees = [cKDTree(p.xyz) for p in patches]
+    for i, j in combinations(range(len(patches)), 2):
+        large, small = (i, j) if len(patches[i].xyz) >= len(patches[j].xyz) else (j, i)
+        reach = _TOUCH * max(patches[i].reach, patches[j].reach)
+        near = trees[large].query(patches[small].xyz, distance_upper_bound=reach)[0].min()
+        if near > reach or not _alike(patches[large], patches[small], noise):
+            continue
+        pair = [patches[large], patches[small]]
+        first = patches[large].surface.kind
+        for kind in (*SIMPLER[first], first, patches[small].surface.kind):
+            surface = _fitted(kind, pair, noise, rng)
+            if surface is not None and all(_explains(surface, p, noise) for p in pair):
+                names = tuple(sorted((i, j)))
+                cost = max(_typical(surface, p) / max(noise, 1e-9) for p in pair)
+                name = f"patches {patches[names[0]].primitive} and {patches[names[1]].primitive} as one {kind}"
+                found.append((cost, Change(name, names, joined(surface, pair))))
+                break
+    found.sort(key=lambda f: f[0])
+    yield from (change for _, change in found)
+
+
+def _alike(large: Patch, small: Patch, noise: float) -> bool:
+    """Whether two patches may be one at all: the larger one's surface is not far from the smaller one."""
+    off = float(np.median(np.abs(large.surface.signed_distance(small.xyz))))
+    turn = float(np.median(np.einsum("ij,ij->i", large.surface.normals(small.xyz), small.normals)))
+    return off < 2 * _SIGMAS * max(noise, large.sigma, small.sigma) and turn > _TURN
+
+
+def _kinds(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
+    """Patches that a simpler kind explains; the simplest that does."""
+    for index, patch in enumerate(patches):
+        for kind in SIMPLER[patch.surface.kind]:
+            surface = _fitted(kind, [patch], noise, rng)
+            if surface is not None and _explains(surface, patch, noise):
+                yield Change(f"patch {patch.primitive} as a {kind}", (index,), joined(surface, [patch]))
+                break
+
+
+def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
+    """Small patches about whose points others say nearly as much, smallest first."""
+    total = sum(len(p.xyz) for p in patches)
+    for index in sorted(range(len(patches)), key=lambda k: len(patches[k].xyz)):
+        patch = patches[index]
+        if len(patch.xyz) > _SMALL * total:
+            continue
+        off = np.full(len(patch.xyz), np.inf)
+        for other in (p for k, p in enumerate(patches) if k != index):
+            limit = _TOUCH * max(patch.reach, other.reach) * 2
+            near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=limit)[0] <= limit
+            off[near] = np.minimum(off[near], np.abs(other.surface.signed_distance(patch.xyz[near])))
+        if np.mean(off <= _SIGMAS * max(noise, 1e-9)) >= _HALF:
+            yield Change(f"without patch {patch.primitive}", (index,), None)
+
+
+def _fitted(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:
+    """A surface of one kind through patches; None if their points determine none."""
+    xyz, normals = (np.concatenate([getattr(p, k) for p in patches]) for k in ("xyz", "normals"))
+    step = max(1, len(xyz) // _MOST_FITTED)
+    start = next((p.surface for p in patches if p.surface.kind == kind), None)
+    try:
+        return fit_robust(kind, xyz[::step], normals[::step], noise, initial=start, rng=rng)[0]
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+
+
+def _typical(surface: Surface, patch: Patch) -> float:
+    return float(np.quantile(np.abs(surface.signed_distance(patch.xyz)), _QUANTILE))
+
+
+def _explains(surface: Surface, patch: Patch, noise: float) -> bool:
+    """Whether a surface is nearly as good for a patch as its own."""
+    limit = _SIGMAS * max(noise, _typical(patch.surface, patch))
+    turn = np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals)
+    return _typical(surface, patch) <= limit and float(np.median(turn)) > _TURN
+
+
+def joined(surface: Surface, patches: Sequence[Patch]) -> Patch:
+    """Patches as one, on a surface."""
+    xyz, normals = (np.concatenate([getattr(p, k) for p in patches]) for k in ("xyz", "normals"))
+    sigma = float(np.sqrt(np.mean(surface.signed_distance(xyz) ** 2)))
+    reach, primitive = max(p.reach for p in patches), min(p.primitive for p in patches)
+    return Patch(surface, primitive, xyz, normals, reach, sigma, whole=any(p.whole for p in patches))

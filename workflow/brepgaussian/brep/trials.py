@@ -1,0 +1,153 @@
+"""Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
+
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.polish import Polished, badness, polish
+from brepgaussian.brep.simplify import Change, applied, compatible, complexity, proposals
+from brepgaussian.brep.structure import SMOOTH
+from brepgaussian.brep.worker import Worker, WorkerError
+from brepgaussian.errors import BrepGaussianError
+from brepgaussian.log import get_logger
+
+_PX_SLACK = 0.02  # of the worst edge's silhouette residual: less than that is noise of the median
+_IOU_SLACK = 5e-5
+_SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
+_HALF = 0.5
+_POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
+
+
+@dataclass
+class Trials:
+    """The best solid so far, what it was built from, and what was tried.
+
+    Attributes:
+        worker, views: as everywhere in this stage.
+        job, rung: what the best solid was built from.
+        best: the solid with its acceptance test.
+        end: time (monotonic) after which nothing more is tried.
+        left: number of solids that may still be refined.
+        notes: for the report.
+        refused: names of changes that were refused alone.
+    """
+
+    worker: Worker
+    views: Views
+    job: Job
+    rung: Rung
+    best: Polished
+    end: float
+    left: int
+    notes: list[dict[str, Any]] = field(default_factory=list)
+    refused: set[str] = field(default_factory=set)
+
+    def run(self) -> Polished:
+        """Try changes until none is left, or the time is up."""
+        while self._more():
+            changes = [c for c in self._proposals() if c.name not in self.refused]
+            if not changes or not any(self._tried(group) for group in self._groups(changes)):
+                break
+        if self.notes:
+            self.best.report["trials"] = self.notes
+        return self.best
+
+    def _more(self) -> bool:
+        return self.left > 0 and time.monotonic() < self.end
+
+    def _proposals(self) -> list[Change]:
+        noise = float(np.median([p.sigma for p in self.job.patches]))
+        return proposals(self.job.patches, noise, self.job.settings.seed)
+
+    @staticmethod
+    def _groups(changes: list[Change]) -> list[list[Change]]:
+        """All together first, then one by one."""
+        together = compatible(changes)
+        return ([together] if len(together) > 1 else []) + [[c] for c in changes]
+
+    def _tried(self, changes: list[Change]) -> bool:
+        """Whether changes were taken; what was refused alone is not tried again."""
+        if not self._more():
+            return False
+        fault, outcome = self._outcome(changes)
+        names = [c.name for c in changes]
+        self.notes.append({"changes": names, "fault": fault})
+        get_logger("brep").info("trial %s: %s", ", ".join(names), fault or "taken")
+        if outcome is None:
+            self.refused |= set(names) if len(names) == 1 else set()
+            return False
+        self.job, self.rung, self.best = outcome
+        return True
+
+    def _outcome(self, changes: list[Change]) -> tuple[str, tuple[Job, Rung, Polished] | None]:
+        """Why changes are refused, or what they lead to."""
+        job, before = applied(self.job, changes), self.best.attempt.verdict
+        fault = ""
+        for rung in _rungs(self.rung, job):
+            try:
+                attempt: Attempt = self.worker.call("assemble:attempt", (job, rung), job.settings.time_limit_s)
+            except (WorkerError, BrepGaussianError) as error:
+                fault = str(error)
+                continue
+            verdict = attempt.verdict
+            fault = "; ".join(verdict.faults)
+            if attempt.shape is None:
+                continue
+            if _size(attempt) >= _size(self.best.attempt):
+                fault = "no simpler"
+            elif verdict.on_solid < before.on_solid - _POINTS_SLACK or len(verdict.doubts) > len(before.doubts):
+                fault = "the points are explained less"
+            else:
+                self.left -= 1
+                polished = polish(self.worker, job, rung, attempt, self.views)
+                fault = self._against(polished)
+                if not fault:
+                    return "", (job, rung, polished)
+        return fault, None
+
+    def _against(self, polished: Polished) -> str:
+        """What the images have against a simpler solid."""
+        new, old = polished.report, self.best.report
+        if new.get("silhouette_px") is None or new.get("mask_iou") is None:
+            return "it cannot be judged"
+        lost = self._lost(polished.attempt)
+        if lost:
+            return f"{lost} edges that the images show are not edges of it"
+        if old.get("silhouette_px") is None or (new["accepted"] and not old["accepted"]):
+            return ""
+        if old["accepted"] and not new["accepted"]:
+            return "the images do not accept it"
+        if old["accepted"]:
+            less = new["mask_iou"] < old["mask_iou"] - _IOU_SLACK
+            less |= new["silhouette_px"] > old["silhouette_px"] + _PX_SLACK
+        else:
+            less = badness(new, self.job.settings) > badness(old, self.job.settings)
+        return f"the images agree less ({new['silhouette_px']:.3f} px, IoU {new['mask_iou']:.5f})" if less else ""
+
+    def _lost(self, attempt: Attempt) -> int:
+        """Number of edges of the present solid that the images show and another solid lacks."""
+        structure = attempt.verdict.structure
+        if structure is None or not structure.edges:
+            return len(self.best.shown)
+        tree = cKDTree(np.concatenate([e.polyline for e in structure.edges if e.convexity != SMOOTH]))
+        return sum(float(np.mean(tree.query(line)[0] <= _SAME_EDGE)) < _HALF for line in self.best.shown)
+
+
+def _rungs(rung: Rung, job: Job) -> list[Rung]:
+    """The plain rung, and the one that the solid was found on, for the patches that are left."""
+    plain = Rung("support", job.settings.margin)
+    if rung.name == plain.name:
+        return [plain]
+    extend = tuple(range(len(job.patches))) if rung.name == "extended" else job.open_patches
+    return [plain, replace(rung, extend=extend if rung.extend else ())]
+
+
+def _size(attempt: Attempt) -> tuple[int, int]:
+    structure = attempt.verdict.structure
+    assert structure is not None
+    return complexity(attempt.surfaces, [f.surface for f in structure.faces])
