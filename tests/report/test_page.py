@@ -8,6 +8,9 @@ import subprocess
 
 import numpy as np
 import pytest
+from brepgaussian.artifacts.base import Provenance
+from brepgaussian.artifacts.masks import read_masks
+from brepgaussian.artifacts.stage2 import Stage2
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 BLINK = "--headless --no-sandbox --disable-gpu --disable-background-networking --virtual-time-budget=4000".split()
@@ -75,3 +78,14 @@ def test_a_browser_draws_it(made, tmp_path, address):
 
     view = cv2.imread(str(picture))[90:650, 40:920]  # the 3D view
     assert (view < 250).any(axis=2).mean() > 0.1
+
+
+@pytest.mark.parametrize("consistent", [True, False])
+def test_repaired_masks_stand_beside_the_detected_ones(made, consistent):
+    masks = read_masks(made.files.masks)
+    path = made.folder / f"stage2_{consistent}.h5"
+    Stage2(np.ones((1, 2), np.float32), masks.patches, consistent).write(path, Provenance())
+    text = made.report(f"repaired_{consistent}", stage2_path=path)[0].read_text()
+    assert text.count('class="over patches"') == 3
+    assert text.count('class="over detected"') == 3 * consistent
+    assert ('value="detected"' in text) == consistent

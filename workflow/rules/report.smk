@@ -8,6 +8,7 @@ rule page:
         truth=truth,
         masks=kept("masks", "masks.h5"),
         surfels=kept("stage1", "stage1.ply"),
+        stage2=kept("stage2", "stage2.h5"),
         evidence=kept("stage1", "stage1.h5"),
         points=kept("points", "points.ply"),
         primitives=kept("primitives", "primitives.h5"),

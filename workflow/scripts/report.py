@@ -12,6 +12,7 @@ with job("report", snakemake.log[0], snakemake.threads, snakemake.params.failure
         views_path=snakemake.input.views,
         masks_path=snakemake.input.masks,
         stage1_ply=snakemake.input.surfels,
+        stage2_path=snakemake.input.stage2,
         stage1_h5=snakemake.input.evidence,
         points_path=snakemake.input.points,
         primitives_path=snakemake.input.primitives,

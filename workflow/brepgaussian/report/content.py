@@ -13,6 +13,7 @@ from brepgaussian.artifacts.masks import Masks, read_masks
 from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.primitives import Primitives, read_primitives
 from brepgaussian.artifacts.stage1 import Evidence, Surfels, read_evidence, read_surfels
+from brepgaussian.artifacts.stage2 import read_stage2
 from brepgaussian.artifacts.truth import Truth, read_truth
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.geometry.topology import sharp_curves
@@ -55,11 +56,12 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """All artifacts of one object."""
+    """All artifacts of one object; `repaired`: (V, H, W) patch ids that agree between views, if there are any."""
 
     object_name: str
     views: Views
     masks: Masks
+    repaired: NDArray[np.int16] | None
     surfels: Surfels
     evidence: Evidence
     points: Points
@@ -105,6 +107,7 @@ def load(
     truth_path: str | Path | None,
     metrics_row: str | Path,
     settings: ReportSettings,
+    stage2_path: str | Path | None = None,
 ) -> Content:
     """Read all artifacts of an object."""
     views = read_views(views_path)
@@ -112,6 +115,7 @@ def load(
         object_name=object_name,
         views=views,
         masks=read_masks(masks_path),
+        repaired=_repaired(stage2_path),
         surfels=read_surfels(stage1_ply),
         evidence=read_evidence(stage1_h5),
         points=read_points(points_path),
@@ -122,6 +126,12 @@ def load(
         row=read_rows(metrics_row)[0],
         step_path=Path(step_path),
     )
+
+
+def _repaired(stage2_path: str | Path | None) -> NDArray[np.int16] | None:
+    """Patch ids that mean the same face in every view; None where the masks were not repaired."""
+    stage2 = read_stage2(stage2_path) if stage2_path else None
+    return stage2.patches if stage2 is not None and stage2.consistent else None
 
 
 def read_solid(step_path: str | Path, views: Views, deflection: float) -> Solid:

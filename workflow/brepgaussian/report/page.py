@@ -27,6 +27,7 @@ _GROUPS = {
     "Curves (STEP)": CURVE,
     "Solid (STEP)": SOLID,
 }
+_DETECTED = '<label><input type="checkbox" value="detected"> patches as detected in each view</label>'
 
 
 def make_page(content: Content, out_html: str | Path, settings: ReportSettings) -> None:
@@ -43,6 +44,7 @@ def make_page(content: Content, out_html: str | Path, settings: ReportSettings) 
         subtitle=encode.escape(_subtitle(content)),
         badges=_badges(content.row),
         step_link=_step_link(content, Path(out_html)),
+        detected="" if content.repaired is None else _DETECTED,
         views="\n".join(_view(content, view, settings) for view in _spread(content, settings.page_views)),
         metrics=_metrics(content.row),
         report=_tree(content.brep.report),
@@ -102,19 +104,31 @@ def _view(content: Content, view: int, settings: ReportSettings) -> str:
     frame = frame_on_object(content.views, view, settings.view_px)
     alpha = frame.crop(content.views.alpha[view])[..., None] / 255.0
     photo = frame.crop(content.views.rgb[view]) / 255.0 * alpha + colors.BACKGROUND * (1 - alpha)
-    ids = frame.crop(content.masks.patches[view]).astype(int)
     edges = frame.crop(content.masks.edges[view])
-    patches = np.dstack([encode.to_bytes(colors.patch_colors(ids.ravel() - 1)).reshape(*ids.shape, 3), ids > 0])
-    patches[..., 3] *= 255
     ink = np.dstack([np.broadcast_to(encode.to_bytes(colors.CORNER), (*edges.shape, 3)), edges])
     layers_ = [
         f'<img class="photo" alt="input view {view + 1}" src="{encode.jpeg(photo)}">',
-        f'<img class="over patches" alt="patch masks" src="{encode.png(patches.astype(np.uint8))}">',
+        *_masks(content, frame),
         f'<img class="over edges" alt="edge map" src="{encode.png(ink.astype(np.uint8))}">',
         _curves(content, frame),
     ]
     caption = f"view {view + 1}, {encode.escape(content.views.names[view])}"
     return f'<figure><div class="stack">{"".join(layers_)}</div><figcaption>{caption}</figcaption></figure>'
+
+
+def _masks(content: Content, frame: Frame) -> list[str]:
+    """The patches as repaired, where they were, and as detected."""
+    found = content.masks.patches if content.repaired is None else content.repaired
+    kinds = [("patches", "patch masks", found)]
+    if content.repaired is not None:
+        kinds.append(("detected", "patch masks as detected", content.masks.patches))
+    layers = []
+    for name, text, masks in kinds:
+        ids = frame.crop(masks[frame.view]).astype(int)
+        painted = np.dstack([encode.to_bytes(colors.patch_colors(ids.ravel() - 1)).reshape(*ids.shape, 3), ids > 0])
+        painted[..., 3] *= 255
+        layers.append(f'<img class="over {name}" alt="{text}" src="{encode.png(painted.astype(np.uint8))}">')
+    return layers
 
 
 def _curves(content: Content, frame: Frame) -> str:

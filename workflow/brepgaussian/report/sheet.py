@@ -69,7 +69,7 @@ def _panels(content: Content, frame: Frame) -> list[tuple[str, Image, str]]:
     panels = [
         (f"input, view {view + 1} of {len(content.views.cameras)}", _photo(content, frame), _NO),
         ("edges", 1 - np.repeat(frame.crop(content.masks.edges[view])[..., None] / 255.0, 3, axis=2), _NO),
-        ("patches", _patches(content, frame), _NO),
+        ("patches" if content.repaired is None else "patches, repaired", _patches(content, frame), _NO),
         (f"{len(content.surfels.centers):,} surfels", draw_surfels(frame, content.surfels), _NO),
         (
             f"{np.count_nonzero(patch):,} points, {len(np.unique(points.label[patch]))} labels",
@@ -112,7 +112,8 @@ def _photo(content: Content, frame: Frame) -> Image:
 
 def _patches(content: Content, frame: Frame) -> Image:
     """The view's regions in colours, a little of the photograph showing through."""
-    ids = frame.crop(content.masks.patches[frame.view]).astype(int)
+    masks = content.masks.patches if content.repaired is None else content.repaired
+    ids = frame.crop(masks[frame.view]).astype(int)
     painted = colors.patch_colors(ids.ravel() - 1).reshape(*ids.shape, 3)
     outside = frame.crop(content.views.alpha[frame.view]) == 0
     painted[(ids == 0) & outside] = colors.BACKGROUND

@@ -27,6 +27,7 @@ def make_report(
     out_html: str | Path,
     out_sheet: str | Path | None,
     settings: ReportSettings,
+    stage2_path: str | Path | None = None,
 ) -> None:
     """Make the page and, where asked for, the contact sheet of one object.
 
@@ -38,6 +39,7 @@ def make_report(
         out_html: the page, self-contained.
         out_sheet: the contact sheet (PNG), or None.
         settings: settings of the stage.
+        stage2_path: `stage2.h5`, whose repaired masks are shown beside those detected, or None.
     """
     log.info("%s: %s", object_name, settings)
     content = load(
@@ -53,6 +55,7 @@ def make_report(
         truth_path=truth_path,
         metrics_row=metrics_row,
         settings=settings,
+        stage2_path=stage2_path,
     )
     make_page(content, out_html, settings)
     if out_sheet is not None:
