@@ -23,6 +23,7 @@ _DEPTHS = 36  # tried at first, from the shallowest on in equal ratios
 _SHALLOWEST = 3.0  # cells
 _DEEPER = 0.02  # of the range of disagreement: price of each doubling of the depth
 _GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
+_THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
 _FINEST = 0.25  # cells
 _FEW_RAYS = 8_000  # for many shapes of leaning walls
 _FEW_DEPTHS = 10
@@ -44,6 +45,7 @@ class _Shape:
     draft: float = 0.0
     tilt: tuple[float, float] = (0.0, 0.0)
     through: bool = False
+    sink: float = np.inf
 
 
 _STRAIGHT = _Shape(_SHALLOWEST)
@@ -59,10 +61,10 @@ class _Opening:
 
     def score(self, shape: _Shape) -> tuple[float, float]:
         """Disagreement and share of contradicting rays; a doubling of the depth costs a little."""
-        key = (shape.grow, shape.draft, *shape.tilt)
+        key = (shape.grow, shape.draft, shape.sink, *shape.tilt)
         if key not in self._exits:
             sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
-            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft)
+            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
             self._exits[key] = sheared, found
         sheared, found = self._exits[key]
         return disagreement(sheared, found, shape.depth, self.tolerance, shape.through)
@@ -107,9 +109,13 @@ def measure(
     deep = best.through or best.depth > _DEEP
     if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < _SHALLOWEST + 1):
         return None
-    fitted = signed_outline(outline) < best.grow
+    throat = best.sink if np.isfinite(best.sink) else 0.0  # the countersink is left to the silhouettes
+    fitted = signed_outline(outline) < best.grow - throat
     gain = (closed - disagreeing) * float(np.count_nonzero(fitted))
-    return Prism(stack.lattice, fitted, best.depth * pitch, best.through, error, best.tilt, best.draft), gain
+    depth = opening.deepest if best.through else best.depth
+    return Prism(
+        stack.lattice, fitted, depth * pitch, best.through, error, best.tilt, 0.0 if throat else best.draft
+    ), gain
 
 
 def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Shape:
@@ -119,7 +125,13 @@ def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Sha
     if not opening.price:
         scores = [opening.score(shape)[0] for shape in blind]
         opening.price = _DEEPER * (max(scores) - min(scores))
-    return min([*blind, replace(like, depth=opening.deepest, through=True)], key=opening.cost)
+    width = float(-signed_outline(opening.outline).min())
+    holes = [replace(like, depth=opening.deepest, through=True)]
+    for share in _THROATS:
+        # countersunk at 45 degrees; perhaps at its far end too
+        throat = replace(holes[0], draft=1.0, sink=float(share) * width)
+        holes += [throat, replace(throat, depth=throat.depth - throat.sink)]
+    return min([*blind, *holes], key=opening.cost)
 
 
 def _oblique(opening: _Opening) -> _Shape:
@@ -152,10 +164,15 @@ def _tapered(opening: _Opening) -> _Shape:
 
 def _refine(opening: _Opening, best: _Shape) -> _Shape:
     """Depth and outline in turn, in ever smaller steps."""
-    step = max(0.1 * best.depth, 2 * _FINEST)
+    step, grows = max(0.1 * best.depth, 2 * _FINEST), best.grow + _GROWS
     while step > _FINEST:
-        best = min((replace(best, grow=float(g)) for g in _GROWS), key=opening.cost)
-        if not best.through:
+        best = min((replace(best, grow=float(g)) for g in grows), key=opening.cost)
+        if np.isfinite(best.sink):
+            far = opening.deepest - best.depth  # the countersink at the far end, of the same size or none
+            sinks = [max(best.sink + float(k), 0.0) for k in _GROWS / 2]
+            tried = [replace(best, sink=k, depth=opening.deepest - (k if far > 0 else 0.0)) for k in sinks]
+            best = min(tried, key=opening.cost)
+        elif not best.through:
             tried = [replace(best, depth=best.depth + k * step) for k in (-1, -0.5, 0, 0.5, 1)]
             best = min((t for t in tried if _SHALLOWEST <= t.depth <= opening.deepest), key=opening.cost, default=best)
         step /= 2

@@ -64,7 +64,14 @@ def gather(stack: Stack, outline: NDArray[np.bool_], centers: Array) -> Rays:
     return Rays(np.concatenate(starts), np.concatenate(sideways), np.concatenate(greys))
 
 
-def exits(rays: Rays, outline: NDArray[np.bool_], deepest: float, grow: float = 0.0, draft: float = 0.0) -> Array:
+def exits(
+    rays: Rays,
+    outline: NDArray[np.bool_],
+    deepest: float,
+    grow: float = 0.0,
+    draft: float = 0.0,
+    sink: float = np.inf,
+) -> Array:
     """(N,) depth at which each ray meets the wall of an opening, at most `deepest`; negative outside of it.
 
     Args:
@@ -73,6 +80,7 @@ def exits(rays: Rays, outline: NDArray[np.bool_], deepest: float, grow: float = 
         deepest: where to stop.
         grow: how far the outline is moved outwards.
         draft: how far it shrinks for each cell of depth.
+        sink: how far it shrinks at most, cells: a countersunk hole is straight from there on.
     """
     clear = -signed_outline(outline) + grow  # (R, C) positive inside
     speed = np.maximum(np.linalg.norm(rays.sideways, axis=1), _SLOWEST) + max(draft, 0.0)
@@ -80,7 +88,9 @@ def exits(rays: Rays, outline: NDArray[np.bool_], deepest: float, grow: float = 
     left = np.arange(len(rays))
     for step in range(_STEPS):
         position = rays.start[left] + depth[left, None] * rays.sideways[left]
-        room = ndimage.map_coordinates(clear, position.T, order=1, mode="nearest") - draft * depth[left]
+        room = ndimage.map_coordinates(clear, position.T, order=1, mode="nearest") - np.minimum(
+            draft * depth[left], sink
+        )
         if step == 0:
             depth[room < 0] = -1.0
         going = (room > _REACHED) & (depth[left] < deepest)
