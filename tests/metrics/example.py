@@ -1,6 +1,6 @@
 """All artifacts of one object of known shape, as a perfect run would write them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from brepgaussian.artifacts.masks import Masks
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitive, Primitives
 from brepgaussian.artifacts.stage1 import Evidence, Surfels
+from brepgaussian.artifacts.stage2 import Stage2
 from brepgaussian.artifacts.truth import Truth
 from brepgaussian.artifacts.views import Views
 from brepgaussian.geometry.cameras import Cameras
@@ -145,7 +146,7 @@ def write_object(folder: Path, result: Any = None, truth_shape: Any = None, view
         world_from_unit=WORLD_FROM_UNIT,
         unit="mm",
     ).write(files.views, by)
-    truth.write(files.truth, by)
+    replace(truth, face_ids=ids).write(files.truth, by)
     border = np.zeros(ids.shape, bool)
     border[:, 1:] |= ids[:, 1:] != ids[:, :-1]
     border[:, :, 1:] |= ids[:, :, 1:] != ids[:, :, :-1]
@@ -153,7 +154,10 @@ def write_object(folder: Path, result: Any = None, truth_shape: Any = None, view
     Masks((border * 255).astype(np.uint8), (ids + 1).astype(np.int16), noise).write(files.masks, by)
     points = points_of(truth)
     points.write(files.points)
-    _surfels(truth).write(files.stage1_ply)
+    surfels = _surfels(truth)
+    surfels.write(files.stage1_ply)
+    features = np.ones((len(surfels.centers), 2), np.float32) / np.float32(np.sqrt(2))
+    Stage2(features, (ids + 1).astype(np.int16), consistent=True).write(files.stage2, by)
     Evidence(edge_points=truth.curve_points[::4].astype(np.float32)).write(files.stage1, by)
     surfaces = tuple(s for s in map(face_surface, faces_of(truth_shape)) if s is not None)
     Primitives(tuple(Primitive(s, i, np.flatnonzero(points.label == i), 0.0) for i, s in enumerate(surfaces))).write(

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 from brepgaussian.metrics.stage import score_object
-from brepgaussian.report.stage import make_report
+from brepgaussian.report.stage import ObjectFiles, make_report
 from brepgaussian.settings.metrics import MetricsSettings
 from brepgaussian.settings.report import ReportSettings
 
@@ -25,7 +25,29 @@ def example():
 
 
 @pytest.fixture(scope="session")
-def made(example, tmp_path_factory):
+def object_files():
+    """The example's artifacts and a row of metrics as a report takes them."""
+
+    def gather(files, row):
+        return ObjectFiles(
+            views=files.views,
+            masks=files.masks,
+            surfels=files.stage1_ply,
+            evidence=files.stage1,
+            stage2=files.stage2,
+            points=files.points,
+            primitives=files.primitives,
+            step=files.step,
+            brep=files.brep,
+            row=row,
+            truth=files.truth,
+        )
+
+    return gather
+
+
+@pytest.fixture(scope="session")
+def made(example, object_files, tmp_path_factory):
     """Paths of an object's artifacts, row, page and sheet; its hole is .004 too wide."""
     folder = tmp_path_factory.mktemp("report")
     files = example.write_object(folder, result=example.drilled_plate(radius=0.204))
@@ -44,24 +66,15 @@ def made(example, tmp_path_factory):
         peak_mb=800.0,
     )
 
+    artifacts = object_files(files, row)
+
     def report(name="view", **changes):
         page, sheet = folder / f"{name}.html", folder / f"{name}.png"
-        options = {
-            "object_name": "plate",
-            "views_path": files.views,
-            "masks_path": files.masks,
-            "stage1_ply": files.stage1_ply,
-            "stage1_h5": files.stage1,
-            "points_path": files.points,
-            "primitives_path": files.primitives,
-            "step_path": files.step,
-            "brep_h5": files.brep,
-            "truth_path": files.truth,
-            "metrics_row": row,
-            "settings": SMALL,
-        }
+        options = {"object_name": "plate", "files": artifacts, "settings": SMALL}
         make_report(**{**options, **changes}, out_html=page, out_sheet=sheet)
         return page, sheet
 
     page, sheet = report()
-    return SimpleNamespace(files=files, folder=folder, row=row, page=page, sheet=sheet, report=report)
+    return SimpleNamespace(
+        files=files, folder=folder, row=row, page=page, sheet=sheet, report=report, artifacts=artifacts
+    )

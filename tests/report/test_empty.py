@@ -1,5 +1,7 @@
 """Objects of which hardly anything was found still get a row, a page and a sheet."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.artifacts.base import Provenance
@@ -19,7 +21,7 @@ from OCP.gp import gp_Pnt
 
 
 @pytest.mark.parametrize("with_truth", [True, False])
-def test_a_ball_without_labels_curves_or_masks(example, tmp_path, with_truth):
+def test_a_ball_without_labels_curves_or_masks(example, object_files, tmp_path, with_truth):
     ball = BRepPrimAPI_MakeSphere(gp_Pnt(0.5, 0.5, 0.5), 0.5).Shape()
     files, by = example.write_object(tmp_path, result=ball, truth_shape=ball), Provenance("ball")
     shape = read_views(files.views).alpha.shape
@@ -37,15 +39,17 @@ def test_a_ball_without_labels_curves_or_masks(example, tmp_path, with_truth):
     Brep((), (), np.zeros((0, 3)), {"fallback": True, "note": None, "bad": float("nan")}).write(files.brep, by)
     truth = files.truth if with_truth else None
     row = tmp_path / "metrics.csv"
-    common = {
-        "object_name": "ball",
-        "views_path": files.views,
-        "truth_path": truth,
-        "points_path": files.points,
-        "step_path": files.step,
-        "brep_h5": files.brep,
-    }
-    score_object(**common, variant="full", out_csv=row, settings=MetricsSettings(samples=1000, deflection=1e-3))
+    score_object(
+        object_name="ball",
+        variant="full",
+        views_path=files.views,
+        truth_path=truth,
+        points_path=files.points,
+        step_path=files.step,
+        brep_h5=files.brep,
+        out_csv=row,
+        settings=MetricsSettings(samples=1000, deflection=1e-3),
+    )
     found = read_rows(row)[0]
     assert found["fallback"]
     assert found["closed"]
@@ -53,12 +57,8 @@ def test_a_ball_without_labels_curves_or_masks(example, tmp_path, with_truth):
     assert found["patch_f1_008"] == (0 if with_truth else None)
     assert found["edge_f1_008"] is None  # a ball has no edge, and none was found
     make_report(
-        **common,
-        masks_path=files.masks,
-        stage1_ply=files.stage1_ply,
-        stage1_h5=files.stage1,
-        primitives_path=files.primitives,
-        metrics_row=row,
+        object_name="ball",
+        files=replace(object_files(files, row), truth=truth),
         out_html=tmp_path / "view.html",
         out_sheet=tmp_path / "sheet.png",
         settings=ReportSettings(panel_px=100, view_px=80, page_views=2),

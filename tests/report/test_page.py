@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def test_positions_and_errors_survive_the_encoding(made):
 
 
 def test_without_a_truth_its_layers_are_left_out(made):
-    page, _ = made.report("blind", truth_path=None)
+    page, _ = made.report("blind", files=replace(made.artifacts, truth=None))
     layers = {layer["id"]: layer for layer in data_of(page)["layers"]}
     assert "missed" not in layers
     assert "error" not in layers["solid"]["paints"]
@@ -65,6 +66,20 @@ def test_same_bytes_twice(made):
     assert sheet.read_bytes() == made.sheet.read_bytes()
 
 
+@pytest.mark.parametrize("consistent", [True, False])
+def test_views_carry_detected_repaired_and_true_patches(made, consistent):
+    path = made.folder / f"stage2_{consistent}.h5"
+    Stage2(np.ones((1, 2), np.float32), read_masks(made.files.masks).patches, consistent).write(path, Provenance())
+    page, _ = made.report(f"repaired_{consistent}", files=replace(made.artifacts, stage2=path))
+    text = page.read_text()
+    for kind, there in (("detected", True), ("repaired", consistent), ("true", True)):
+        assert text.count(f'alt="patches, {kind}"') == 3 * there  # views on the page
+        assert (f'name="patches" value="{kind}"' in text) == there
+    shown = "repaired" if consistent else "detected"
+    assert f'value="{shown}" checked' in text
+    assert f"hide-{shown}" not in re.search(r'<section id="views" class="([^"]*)"', text).group(1)
+
+
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium")
 @pytest.mark.parametrize("address", ["", "#layer=solid&layer=surfels", "#paint=error&layer=points"])
 def test_a_browser_draws_it(made, tmp_path, address):
@@ -78,14 +93,3 @@ def test_a_browser_draws_it(made, tmp_path, address):
 
     view = cv2.imread(str(picture))[90:650, 40:920]  # the 3D view
     assert (view < 250).any(axis=2).mean() > 0.1
-
-
-@pytest.mark.parametrize("consistent", [True, False])
-def test_repaired_masks_stand_beside_the_detected_ones(made, consistent):
-    masks = read_masks(made.files.masks)
-    path = made.folder / f"stage2_{consistent}.h5"
-    Stage2(np.ones((1, 2), np.float32), masks.patches, consistent).write(path, Provenance())
-    text = made.report(f"repaired_{consistent}", stage2_path=path)[0].read_text()
-    assert text.count('class="over patches"') == 3
-    assert text.count('class="over detected"') == 3 * consistent
-    assert ('value="detected"' in text) == consistent

@@ -10,6 +10,7 @@ from brepgaussian.metrics.columns import COLUMNS
 from brepgaussian.metrics.table import write_rows
 from brepgaussian.report import formats, paper, summary, tables
 from brepgaussian.report.export import export_point2cad
+from brepgaussian.report.runs import summary_line
 
 GROUPS = {"a": "tuned", "b": "tuned", "c": "holdout"}
 TEX = Path(__file__).parents[3] / "shared/paper/brepgaussian.tex"
@@ -67,10 +68,33 @@ def test_variants_are_compared_on_common_objects_only():
     found = {t.name: lines_of(t) for t in tables.all_tables(rows, GROUPS)}
     means = {x["method"]: x for x in found["4_ablation_patches"]}
     assert means["full, mean"]["objects"] == "1"
+    assert means["full, mean"]["objects are"] == "tuned"
     assert float(means["full, mean"]["patch_f1_008"]) == 0.8
     assert float(means["w/o edge segmentation, mean"]["patch_f1_008"]) == 0.6
     assert [x["views"] for x in found["6_views"]] == ["20", "50"]
     assert "5_masks" not in found
+
+
+def test_variants_and_numbers_of_views_keep_the_groups_apart():
+    rows = [row(n, v, views=k) for n in "abc" for v, k in (("full", 50.0), ("views_20", 20.0), ("no_edge", 50.0))]
+    found = {t.name: lines_of(t) for t in tables.all_tables(rows, GROUPS)}
+    ours = [x for x in found["4_ablation_patches"] if x["objects are"] != "paper's objects"]
+    assert [(x["objects are"], x["objects"]) for x in ours] == [("holdout", "1")] * 4 + [("tuned", "2")] * 4
+    assert [(x["objects are"], x["views"]) for x in found["6_views"]] == [
+        ("holdout", "20"),
+        ("holdout", "50"),
+        ("tuned", "20"),
+        ("tuned", "50"),
+    ]
+
+
+def test_runs_are_counted():
+    rows = [row("a", seconds=60.0, peak_mb=800.0), row("b", seconds=90.0, peak_mb=900.0), failed("c")]
+    runs = next(t for t in tables.all_tables(rows, GROUPS) if t.name == "runs")
+    assert list(lines_of(runs)[0].values()) == ["full", "3", "1", "150", "75", "90", "900"]
+    assert summary_line(rows) == (
+        "3 row(s): 2 ok, 1 failed; 2.5 min of work, median 75 s, most 90 s; peak memory 900 MB"
+    )
 
 
 def test_other_methods_stand_beside_ours_where_they_have_scores():

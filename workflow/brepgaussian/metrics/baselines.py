@@ -6,7 +6,6 @@ They say what the labels and the B-Rep add to the points. Spacing and noise are 
 """
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.truth import Truth, read_truth
 from brepgaussian.log import progress, setup
-from brepgaussian.metrics.columns import OK
+from brepgaussian.metrics.columns import BASELINES, OK
 from brepgaussian.metrics.external import score_mesh, score_patches
 from brepgaussian.metrics.table import write_rows
 from brepgaussian.settings.metrics import MetricsSettings
@@ -90,14 +89,14 @@ def score_baselines(points: Points, truth: Truth, settings: MetricsSettings) -> 
     used = Points(
         points.xyz[patch], points.normals[patch], points.edge[patch], points.label[patch], points.curve[patch]
     )
-    segment: dict[str, Callable[[], Labels]] = {
-        "region growing": lambda: region_growing(used),
-        "RANSAC planes": lambda: ransac_planes(used, settings.seed),
-    }
-    rows = {name: score_patches(used.xyz.astype(float), find(), truth) for name, find in segment.items()}
+    xyz = used.xyz.astype(float)
     vertices, triangles = poisson(used, settings.seed)
-    rows["Poisson mesh"] = score_mesh(vertices, triangles, np.zeros(len(triangles), int), truth, settings)
-    return rows
+    scores = (
+        score_patches(xyz, region_growing(used), truth),
+        score_patches(xyz, ransac_planes(used, settings.seed), truth),
+        score_mesh(vertices, triangles, np.zeros(len(triangles), int), truth, settings),
+    )
+    return dict(zip(BASELINES, scores, strict=True))
 
 
 def write_baselines(

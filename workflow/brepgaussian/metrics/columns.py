@@ -14,4 +14,5 @@ SOLID = tuple(
 COLUMNS = (*HEAD, *PATCH, *EDGE, *SURFACE, *CURVE, *SOLID)
 
 FLAGS = ("valid", "closed", "fallback", "topology_match")  # written as true or false
+BASELINES = ("region growing", "RANSAC planes", "Poisson mesh")  # variants of the rows of `metrics.baselines`
 OK, FAILED = "ok", "failed"

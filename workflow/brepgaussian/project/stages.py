@@ -26,8 +26,7 @@ STAGES: dict[str, Stage] = {
     "brep": Stage(("views", "points", "primitives"), "brepgaussian.brep.stage"),
     "metrics": Stage(("views", "points", "brep"), "brepgaussian.metrics.stage"),
     "report": Stage(
-        ("views", "masks", "stage1", "stage2", "points", "primitives", "brep", "metrics"),
-        "brepgaussian.report.stage",
+        ("views", "masks", "stage1", "stage2", "points", "primitives", "brep", "metrics"), "brepgaussian.report.stage"
     ),
 }
 

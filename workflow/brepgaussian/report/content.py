@@ -13,7 +13,7 @@ from brepgaussian.artifacts.masks import Masks, read_masks
 from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.primitives import Primitives, read_primitives
 from brepgaussian.artifacts.stage1 import Evidence, Surfels, read_evidence, read_surfels
-from brepgaussian.artifacts.stage2 import read_stage2
+from brepgaussian.artifacts.stage2 import Stage2, read_stage2
 from brepgaussian.artifacts.truth import Truth, read_truth
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.geometry.topology import sharp_curves
@@ -27,6 +27,30 @@ from brepgaussian.settings.report import ReportSettings
 
 _ERROR_EDGE = 0.05  # longest edge of triangles that carry errors at their corners, unit frame
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ObjectFiles:
+    """Where the artifacts of one object lie.
+
+    Attributes:
+        views: `views.h5`; masks: `masks.h5`; surfels: `stage1.ply`; evidence: `stage1.h5`; stage2: `stage2.h5`;
+            points: `points.ply`; primitives: `primitives.h5`; step: `brep.step`; brep: `brep.h5`.
+        row: the object's one-row `metrics.csv`.
+        truth: `truth.h5`, or None.
+    """
+
+    views: str | Path
+    masks: str | Path
+    surfels: str | Path
+    evidence: str | Path
+    stage2: str | Path
+    points: str | Path
+    primitives: str | Path
+    step: str | Path
+    brep: str | Path
+    row: str | Path
+    truth: str | Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +80,14 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """All artifacts of one object; `repaired`: (V, H, W) patch ids that agree between views, if there are any."""
+    """All artifacts of one object."""
 
     object_name: str
     views: Views
     masks: Masks
-    repaired: NDArray[np.int16] | None
     surfels: Surfels
     evidence: Evidence
+    stage2: Stage2
     points: Points
     primitives: Primitives
     brep: Brep
@@ -71,6 +95,11 @@ class Content:
     truth: Truth | None
     row: dict[str, Any]
     step_path: Path
+
+    @property
+    def repaired(self) -> NDArray[np.int16] | None:
+        """(V, H, W) patch ids that mean the same face in every view; None where stage 2 repaired no masks."""
+        return self.stage2.patches if self.stage2.consistent else None
 
     @cached_property
     def view(self) -> int:
@@ -93,45 +122,24 @@ class Content:
         return None if self.truth is None else self.solid.surface.closest(self.truth.points)[0]
 
 
-def load(
-    *,
-    object_name: str,
-    views_path: str | Path,
-    masks_path: str | Path,
-    stage1_ply: str | Path,
-    stage1_h5: str | Path,
-    points_path: str | Path,
-    primitives_path: str | Path,
-    step_path: str | Path,
-    brep_h5: str | Path,
-    truth_path: str | Path | None,
-    metrics_row: str | Path,
-    settings: ReportSettings,
-    stage2_path: str | Path | None = None,
-) -> Content:
+def load(object_name: str, files: ObjectFiles, settings: ReportSettings) -> Content:
     """Read all artifacts of an object."""
-    views = read_views(views_path)
+    views = read_views(files.views)
     return Content(
         object_name=object_name,
         views=views,
-        masks=read_masks(masks_path),
-        repaired=_repaired(stage2_path),
-        surfels=read_surfels(stage1_ply),
-        evidence=read_evidence(stage1_h5),
-        points=read_points(points_path),
-        primitives=read_primitives(primitives_path),
-        brep=read_brep(brep_h5),
-        solid=read_solid(step_path, views, settings.deflection),
-        truth=read_truth(truth_path) if truth_path else None,
-        row=read_rows(metrics_row)[0],
-        step_path=Path(step_path),
+        masks=read_masks(files.masks),
+        surfels=read_surfels(files.surfels),
+        evidence=read_evidence(files.evidence),
+        stage2=read_stage2(files.stage2),
+        points=read_points(files.points),
+        primitives=read_primitives(files.primitives),
+        brep=read_brep(files.brep),
+        solid=read_solid(files.step, views, settings.deflection),
+        truth=read_truth(files.truth) if files.truth else None,
+        row=read_rows(files.row)[0],
+        step_path=Path(files.step),
     )
-
-
-def _repaired(stage2_path: str | Path | None) -> NDArray[np.int16] | None:
-    """Patch ids that mean the same face in every view; None where the masks were not repaired."""
-    stage2 = read_stage2(stage2_path) if stage2_path else None
-    return stage2.patches if stage2 is not None and stage2.consistent else None
 
 
 def read_solid(step_path: str | Path, views: Views, deflection: float) -> Solid:

@@ -27,7 +27,6 @@ _GROUPS = {
     "Curves (STEP)": CURVE,
     "Solid (STEP)": SOLID,
 }
-_DETECTED = '<label><input type="checkbox" value="detected"> patches as detected in each view</label>'
 
 
 def make_page(content: Content, out_html: str | Path, settings: ReportSettings) -> None:
@@ -44,8 +43,9 @@ def make_page(content: Content, out_html: str | Path, settings: ReportSettings) 
         subtitle=encode.escape(_subtitle(content)),
         badges=_badges(content.row),
         step_link=_step_link(content, Path(out_html)),
-        detected="" if content.repaired is None else _DETECTED,
         views="\n".join(_view(content, view, settings) for view in _spread(content, settings.page_views)),
+        mask_toggles=_mask_toggles(content),
+        hidden=" ".join(f"hide-{kind}" for kind in ("edges", *_patch_masks(content)) if kind != _shown(content)),
         metrics=_metrics(content.row),
         report=_tree(content.brep.report),
         primitives=_primitives(content),
@@ -108,7 +108,7 @@ def _view(content: Content, view: int, settings: ReportSettings) -> str:
     ink = np.dstack([np.broadcast_to(encode.to_bytes(colors.CORNER), (*edges.shape, 3)), edges])
     layers_ = [
         f'<img class="photo" alt="input view {view + 1}" src="{encode.jpeg(photo)}">',
-        *_masks(content, frame),
+        *(_regions(kind, frame.crop(ids[view])) for kind, ids in _patch_masks(content).items()),
         f'<img class="over edges" alt="edge map" src="{encode.png(ink.astype(np.uint8))}">',
         _curves(content, frame),
     ]
@@ -116,19 +116,37 @@ def _view(content: Content, view: int, settings: ReportSettings) -> str:
     return f'<figure><div class="stack">{"".join(layers_)}</div><figcaption>{caption}</figcaption></figure>'
 
 
-def _masks(content: Content, frame: Frame) -> list[str]:
-    """The patches as repaired, where they were, and as detected."""
-    found = content.masks.patches if content.repaired is None else content.repaired
-    kinds = [("patches", "patch masks", found)]
+def _patch_masks(content: Content) -> dict[str, NDArray[np.int16]]:
+    """(V, H, W) region ids, 0 for none, by name; the best of ours comes last but for the truth's."""
+    masks = {"detected": content.masks.patches}
     if content.repaired is not None:
-        kinds.append(("detected", "patch masks as detected", content.masks.patches))
-    layers = []
-    for name, text, masks in kinds:
-        ids = frame.crop(masks[frame.view]).astype(int)
-        painted = np.dstack([encode.to_bytes(colors.patch_colors(ids.ravel() - 1)).reshape(*ids.shape, 3), ids > 0])
-        painted[..., 3] *= 255
-        layers.append(f'<img class="over {name}" alt="{text}" src="{encode.png(painted.astype(np.uint8))}">')
-    return layers
+        masks["repaired"] = content.repaired
+    if content.truth is not None and content.truth.face_ids is not None:
+        masks["true"] = content.truth.face_ids + 1
+    return masks
+
+
+def _shown(content: Content) -> str:
+    """The patch masks that are shown at first."""
+    return "detected" if content.repaired is None else "repaired"
+
+
+def _mask_toggles(content: Content) -> str:
+    """Radio buttons of the patch masks."""
+    titles = {"none": "none", "detected": "as detected", "repaired": "repaired by stage 2", "true": "true"}
+    return "\n".join(
+        f'<label><input type="radio" name="patches" value="{kind}"{" checked" * (kind == _shown(content))}> '
+        f"{titles[kind]}</label>"
+        for kind in ("none", *_patch_masks(content))
+    )
+
+
+def _regions(kind: str, ids: NDArray[np.integer]) -> str:
+    """(H, W) region ids, 0 for none, as a coloured overlay."""
+    ids = ids.astype(int)
+    painted = encode.to_bytes(colors.patch_colors(ids.ravel() - 1)).reshape(*ids.shape, 3)
+    picture = np.dstack([painted, np.where(ids > 0, 255, 0).astype(np.uint8)])
+    return f'<img class="over patches {kind}" alt="patches, {kind}" src="{encode.png(picture)}">'
 
 
 def _curves(content: Content, frame: Frame) -> str:

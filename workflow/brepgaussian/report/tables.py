@@ -1,12 +1,12 @@
 """The paper's tables from `metrics.csv`, with the paper's own numbers and stricter columns beside them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from brepgaussian.artifacts.base import atomic
-from brepgaussian.metrics.columns import FAILED
+from brepgaussian.metrics.columns import BASELINES, FAILED
 from brepgaussian.metrics.table import read_rows
 from brepgaussian.report import captions, paper
 from brepgaussian.report.formats import Cell, Column, Table, as_markdown, write
@@ -31,7 +31,9 @@ ABLATIONS = {
     "no_splitting": "w/o splitting of surfels",
     FULL: "full",
 }
-MASKS_PREFIX, VIEWS_PREFIX = "masks_", "views_"
+MASKS = {"masks_truth": "truth masks", "masks_sam": "SAM, not corrected", FULL: "automatic masks"}
+VIEWS_PREFIX = "views_"
+_INPUTS = dict.fromkeys(BASELINES, "our points")
 _COUNTS = (Column("objects", "objects", "objects"), Column("failed", "failed", "failed"))
 
 
@@ -50,7 +52,7 @@ def make_tables(
     rows = read_rows(metrics_csv)
     for table in all_tables(rows, groups, [row for path in others for row in read_rows(path)]):
         write(table, out_dir)
-    views = views_table(rows)
+    views = views_table(rows, groups)
     if views is not None:
         plot_views(views, Path(out_dir) / "views.png")
     with atomic(Path(out_dir) / "readme.md") as temporary:
@@ -68,10 +70,10 @@ def all_tables(rows: Sequence[Row], groups: Mapping[str, str], others: Sequence[
             "3_cad", _cad(), paper.CAD, beside, groups, f"CAD reconstruction. {captions.DISTANCES} {captions.OURS}"
         ),
         _grouped("3_solids", _solids(), (), beside, groups, captions.SOLIDS),
-        _variants("4_ablation_patches", _segmentation("patch"), paper.ABLATION_PATCHES, rows, ABLATIONS.__contains__),
-        _variants("4_ablation_cad", _cad(), paper.ABLATION_CAD, rows, ABLATIONS.__contains__),
-        _variants("5_masks", _mask_columns(), paper.MASKS, rows, lambda name: name.startswith(MASKS_PREFIX)),
-        views_table(rows),
+        _variants("4_ablation_patches", _segmentation("patch"), paper.ABLATION_PATCHES, rows, groups, ABLATIONS),
+        _variants("4_ablation_cad", _cad(), paper.ABLATION_CAD, rows, groups, ABLATIONS),
+        _variants("5_masks", _mask_columns(), paper.MASKS, rows, groups, MASKS),
+        views_table(rows, groups),
         objects_table(full, groups),
         runs_table(rows),
         failures_table(rows),
@@ -146,8 +148,8 @@ def _grouped(
         for method in methods:
             own = of_variant(members, method)
             if any(row["status"] == FAILED or row[column] is not None for row in own for column in columns):
-                name_and_source = ("ours", "images") if method == FULL else (method, None)
-                lines += _our_lines((group,), name_and_source[0], own, columns, name_and_source[1])
+                named = ("ours", "images") if method == FULL else (method, _INPUTS.get(method))
+                lines += _our_lines((group,), named[0], own, columns, named[1])
         rules.append(len(lines))
     return Table(name, caption, _head("objects are") + tuple(columns.values()), tuple(lines), tuple(rules))
 
@@ -157,17 +159,20 @@ def _variants(
     columns: Mapping[str, Column],
     theirs: Sequence[paper.PaperRow],
     rows: Sequence[Row],
-    wanted: Callable[[str], bool],
+    groups: Mapping[str, str],
+    titles: Mapping[str, str],
 ) -> Table | None:
-    """The paper's rows, then mean and median of each variant over the objects that all of them ran."""
-    variants = variants_where(rows, lambda variant: wanted(variant) or variant == FULL)
+    """The paper's rows, then by group mean and median of each variant over the objects that all of them ran."""
+    variants = variants_where(rows, titles.__contains__)
     if set(variants) <= {FULL}:
         return None
     shared = common_objects(rows, variants)
     lines = [_paper_line(("paper's objects",), row, columns) for row in theirs]
     rules = [len(lines)]
-    for variant in variants:
-        lines += _our_lines(("common",), ABLATIONS.get(variant, variant), of_variant(shared, variant), columns)
+    for group, members in by_group(shared, groups).items():
+        for variant in variants:
+            lines += _our_lines((group,), titles[variant], of_variant(members, variant), columns)
+        rules.append(len(lines))
     caption = f"Variants on the objects that all of them ran. {captions.DISTANCES} {captions.OURS}"
     return Table(name, caption, _head("objects are") + tuple(columns.values()), tuple(lines), tuple(rules))
 
@@ -194,34 +199,40 @@ def _our_lines(
     ]
 
 
-def views_table(rows: Sequence[Row]) -> Table | None:
-    """Scores by number of views: variants `views_...` and `full`, on the objects that all of them ran."""
+def views_table(rows: Sequence[Row], groups: Mapping[str, str]) -> Table | None:
+    """Scores by group and number of views: variants `views_...` and `full`, on the objects that all of them ran."""
     variants = variants_where(rows, lambda variant: variant.startswith(VIEWS_PREFIX) or variant == FULL)
     if set(variants) <= {FULL}:
         return None
     shared = common_objects(rows, variants)
-    names = ("patch_f1_008", "patch_strict_f1_002", "surface_cd_exact", "topology_match", "closed", "volume_iou")
+    names = "patch_f1_008 edge_f1_008 patch_strict_f1_002 edge_strict_f1_002".split()
+    names += "surface_cd_exact topology_match closed volume_iou".split()
     columns = {**_cad(), **_solids(), **_PER_OBJECT}
     lines: list[tuple[Any, ...]] = []
-    for variant in variants:
-        members = of_variant(shared, variant)
-        views = average(members, "views")
-        if views is not None:
-            averages = [average(members, name) for name in names]
-            values = (None if a is None else a.mean for a in averages)
-            lines.append((round(views.median), variant, len(members), failures(members), *values))
-    head = (Column("views", "views", "views"), Column("variant", "variant", "variant"), *_COUNTS)
-    lines.sort(key=lambda line: (line[0], line[1]))
+    rules = []
+    for group, members in by_group(shared, groups).items():
+        found = []
+        for variant in variants:
+            own = of_variant(members, variant)
+            views = average(own, "views")
+            if views is not None:
+                averages = [average(own, name) for name in names]
+                values = (None if a is None else a.mean for a in averages)
+                found.append((group, round(views.median), variant, len(own), failures(own), *values))
+        lines += sorted(found, key=lambda line: line[1:3])
+        rules.append(len(lines))
+    head = (*(Column(name, name, name) for name in ("objects are", "views", "variant")), *_COUNTS)
     caption = (
         f"Number of input views; means over the objects that all variants ran. {captions.DISTANCES} {captions.OURS}"
     )
-    return Table("6_views", caption, (*head, *(columns[name] for name in names)), tuple(lines))
+    return Table("6_views", caption, (*head, *(columns[name] for name in names)), tuple(lines), tuple(rules))
 
 
 _PER_OBJECT = {
     "faces": Column("faces", "faces", "faces", digits=0),
     "faces_truth": Column("true", "faces_truth", "true", digits=0),
     "patch_f1_008": _named("patch", "f1_008"),
+    "edge_f1_008": _named("edge", "f1_008"),
     "patch_strict_f1_002": _named("patch", "strict_f1_002"),
     "edge_strict_f1_002": _named("edge", "strict_f1_002"),
     "surface_cd_exact": _distance("surface", "cd_exact", "D_c exact", 1e-2),

@@ -240,8 +240,9 @@
       redraw();
     };
   }
-  for (const box of document.querySelectorAll("#toggles input")) {
-    box.onchange = () => document.querySelector("#views").classList.toggle("hide-" + box.value, !box.checked);
+  const toggles = [...document.querySelectorAll("#toggles input")], views = document.querySelector("#views");
+  for (const box of toggles) { // of the radio buttons one shows, and the change of it hides the others
+    box.onchange = () => toggles.forEach((other) => views.classList.toggle("hide-" + other.value, !other.checked));
   }
 
   // --- pointer and keys ------------------------------------------------------------------------------
