@@ -1,14 +1,16 @@
-"""Small objects for the tests of the views room."""
+"""Small objects for the tests of the views room; makes `sources_support` importable."""
 
 import json
+import shutil
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from brepgaussian.settings.views import ViewsSettings
 
-SMALL = ViewsSettings(
-    rendered_views=12, image_size=160, truth_points=2000, mesh_deflection=2e-4, subsamples=4, interreflection=0.0
-)
+sys.path.insert(0, str(Path(__file__).parent))
+
+from sources_support import SMALL
 
 
 @pytest.fixture(scope="session")
@@ -25,6 +27,14 @@ def nerf_folder(bracket, tmp_path_factory):
     folder = tmp_path_factory.mktemp("nerf")
     write_nerf(bracket.views, folder)
     return folder
+
+
+@pytest.fixture
+def photos(nerf_folder, tmp_path):
+    """A private copy of the folder with transforms.json, to be damaged."""
+    copy = tmp_path / "photos"
+    shutil.copytree(nerf_folder, copy)
+    return copy
 
 
 def write_nerf(views, folder):
