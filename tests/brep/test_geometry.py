@@ -138,3 +138,14 @@ def test_tidy_joins_one_cylinder_found_twice_but_not_two_steps():
     result = tidy(patches)
     assert [p.surface.kind for p in result] == ["cylinder", "plane", "plane"]
     assert len(result[0].xyz) == 600
+
+
+def test_an_extended_torus_goes_all_the_way_round():
+    surface = torus(np.full(3, 0.5), np.array([0, 0, 1.0]), 0.3, 0.1)
+    u, v = np.meshgrid(np.linspace(0, 2, 40), np.linspace(2.0, 5.5, 30))
+    xyz = chart_of(surface).evaluate(u.ravel(), v.ravel())
+    patch = Patch(surface, 0, xyz, surface.normals(xyz).copy(), 0.01, 1e-3)
+    sheet = make_sheet(0, [patch], 0.04, extend=True)
+    np.testing.assert_allclose(np.diff(sheet.limits)[[0, 2]], 2 * np.pi, atol=1e-12)
+    part = make_sheet(0, [patch], 0.04)
+    assert np.diff(part.limits)[2] < 5.5

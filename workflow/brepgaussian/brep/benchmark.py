@@ -56,10 +56,14 @@ class Case:
 
 def make_truth(name: str, seed: int) -> tuple[Truth, Views]:
     """The truth of a bundled part and views that hold its silhouettes only."""
+    return truth_of(build_part(name, seed).wrapped, name)
+
+
+def truth_of(solid: Any, name: str) -> tuple[Truth, Views]:
+    """The truth of a solid (TopoDS_Shape, any frame) and views that hold its silhouettes only."""
     from brepgaussian.views.rig import rig
     from brepgaussian.views.truth import transformed, truth_of_solid, unit_from_world
 
-    solid = build_part(name, seed).wrapped
     truth, _ = truth_of_solid(transformed(solid, unit_from_world(solid)), _VIEWS)
     cameras = rig(_VIEWS)
     blank = np.zeros((len(cameras), cameras.height, cameras.width), np.uint8)
@@ -71,11 +75,14 @@ def make_truth(name: str, seed: int) -> tuple[Truth, Views]:
     return truth, Views(name, names, rgb, alpha, cameras, np.eye(4))
 
 
-def run_case(case: Case, truth: Truth, views: Views, worker: Worker, settings: BrepSettings) -> dict[str, Any]:
-    """One row of the table; a failure is a row with its reason."""
+def run_case(
+    case: Case, truth: Truth, views: Views, worker: Worker, settings: BrepSettings, group: str = ""
+) -> dict[str, Any]:
+    """One row of the table; a failure is a row with its reason. The group is the bundled part's unless given."""
     row: dict[str, Any] = dict.fromkeys(COLUMNS, "")
     row |= {
-        "object": case.name, "group": PARTS[case.name].group, "sigma": case.sigma, "wrong_labels": case.wrong_labels,
+        "object": case.name, "group": group or PARTS[case.name].group, "sigma": case.sigma,
+        "wrong_labels": case.wrong_labels,
         "damage": case.damage, "seed": case.seed, "valid": False, "closed": False, "fallback": "",
         "topology_match": False, "volume_iou": 0.0, "faces_truth": len(truth.face_types),
     }  # fmt: skip

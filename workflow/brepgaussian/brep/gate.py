@@ -62,9 +62,8 @@ def examine(
     sizes = np.array([0 if p.cap else len(p.xyz) for p in patches])
     near = _Nearness(samples, surfaces, np.array([f.surface for f in structure.faces])[owner[source]], patches)
     low = [i for i, p in enumerate(patches) if explained[i] < settings.gate_explained and not p.cap]
-    superfluous = tuple(i for i in low if near.share(patches[i].xyz) >= settings.gate_explained)
     iou = silhouettes.iou(nodes[triangles]) if silhouettes is not None else None
-    doubts = [f"patch {patches[i].primitive} is explained to {explained[i]:.0%}" for i in low if i not in superfluous]
+    doubts = [f"patch {patches[i].primitive} is explained to {explained[i]:.0%}" for i in low]
     if iou is not None and iou < settings.gate_iou:
         doubts.append(f"silhouettes agree to an IoU of {iou:.3f} only")
     if any(f.surface < 0 for f in structure.faces):
@@ -76,7 +75,6 @@ def examine(
         hints=tuple(hints),
         explained=tuple(float(e) for e in explained),
         explained_all=float(explained @ sizes / max(sizes.sum(), 1)),
-        superfluous=superfluous,
         on_solid=near.share(np.concatenate([*(p.xyz for p in (*patches, *left_out) if not p.cap), np.zeros((0, 3))])),
         iou=iou,
         bare=bare,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,11 @@ class Patch:
     sigma: float
     cap: bool = False
     whole: bool = False
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner of the points' bounding box."""
+        return self.xyz.min(axis=0), self.xyz.max(axis=0)
 
 
 def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -> list[Patch]:

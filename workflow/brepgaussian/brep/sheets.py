@@ -1,7 +1,8 @@
 """Bounded faces: each primitive as a sheet a little larger than its support, exact at tangent ends."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,15 +125,18 @@ def _tangent_end(
     lanes = np.linspace(across[0], across[1], _LANES)
     scan = np.linspace(end - window, end + window, _SCAN)
     best: float | None = None
-    for other_index, other in enumerate(patches):
-        if other_index == sheet.patch:
-            continue
+    length = window * max(sheet.chart.scale(v)[which] for v in (across if which == 0 else (end - window, end + window)))
+    for other_index in _beside(patches, sheet.patch, length):
+        other = patches[other_index]
         sines = _sine(sheet, other, which, scan, lanes)
         least = int(np.argmin(sines))
         if sines[least] > np.sin(2.5 * (scan[1] - scan[0]) + 0.05) or sines.max() < TANGENT_SINE:
             continue
+        line = _lines(sheet.chart, which, scan[least : least + 1], lanes)
+        if np.abs(other.surface.signed_distance(line)).max() > 4 * length / _SCAN:
+            continue  # parallel there, and elsewhere: within a step of a tangency surfaces are that near
         low, high = scan[max(least - 1, 0)], scan[min(least + 1, _SCAN - 1)]
-        at = _golden(lambda t, o=other: float(_sine(sheet, o, which, np.array([t]), lanes)[0]), low, high)
+        at = _golden(partial(_sine_at, sheet, other, which, lanes), low, high)
         if _sine(sheet, other, which, np.array([at]), lanes)[0] > TANGENT_SINE:
             continue
         line = _lines(sheet.chart, which, np.array([at]), lanes)
@@ -146,6 +150,17 @@ def _tangent_end(
     return best
 
 
+def _beside(patches: Sequence[Patch], index: int, length: float) -> list[int]:
+    """Patches whose points may lie at an end of one patch that is moved by up to `length`."""
+    low, high = patches[index].box
+    found = []
+    for k, other in enumerate(patches):
+        apart = 2 * (length + max(other.reach, patches[index].reach) + other.sigma)
+        if k != index and (other.box[0] <= high + apart).all() and (other.box[1] >= low - apart).all():
+            found.append(k)
+    return found
+
+
 def _lines(chart: Chart, which: int, at: Array, lanes: Array) -> Array:
     """(T * L, 3) points of lines of constant parameter."""
     a, b = np.meshgrid(at, lanes, indexing="ij")
@@ -156,20 +171,30 @@ def _lines(chart: Chart, which: int, at: Array, lanes: Array) -> Array:
 def _sine(sheet: Sheet, other: Patch, which: int, at: Array, lanes: Array) -> Array:
     """(T,) largest sine between the normals of two surfaces along lines of constant parameter."""
     points = _lines(sheet.chart, which, at, lanes)
-    cross = np.cross(sheet.chart.surface.normals(points), other.surface.normals(points))
-    return np.linalg.norm(cross, axis=1).reshape(len(at), len(lanes)).max(axis=1)
+    a, b = sheet.chart.surface.normals(points).T, other.surface.normals(points).T
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return np.asarray(np.sqrt(x * x + y * y + z * z).reshape(len(at), len(lanes)).max(axis=1), float)
 
 
-def _golden(function: object, low: float, high: float) -> float:
+def _sine_at(sheet: Sheet, other: Patch, which: int, lanes: Array, at: float) -> float:
+    return float(_sine(sheet, other, which, np.array([at]), lanes)[0])
+
+
+def _golden(function: Callable[[float], float], low: float, high: float) -> float:
     """Golden-section minimum: the sine is V-shaped at a tangency, so it is found to rounding."""
     ratio = (np.sqrt(5) - 1) / 2
     a, b = low, high
+    c, d = b - ratio * (b - a), a + ratio * (b - a)
+    at_c, at_d = function(c), function(d)
     for _ in range(_GOLDEN_STEPS):
-        c, d = b - ratio * (b - a), a + ratio * (b - a)
-        if function(c) < function(d):  # type: ignore[operator]
-            b = d
+        if at_c < at_d:
+            b, d, at_d = d, c, at_c
+            c = b - ratio * (b - a)
+            at_c = function(c)
         else:
-            a = c
+            a, c, at_c = c, d, at_d
+            d = a + ratio * (b - a)
+            at_d = function(d)
     return 0.5 * (a + b)
 
 
@@ -180,10 +205,8 @@ def _limit_v(
     surface = patch.surface
     low, high = v0[0], v1[0]
     if extend:
-        far = float(np.abs(BOX).max() * np.sqrt(3) + np.linalg.norm(surface.origin))
         ends = {"sphere": (-np.pi / 2, np.pi / 2), "torus": (start_v, start_v + TURN)}
-        full = ends.get(surface.kind, _box_range(patch))
-        full = (max(full[0], -far), min(full[1], far))
+        full = ends[surface.kind] if surface.kind in ends else _box_range(patch)
         low, high = (full[0] if v0[1] else low), (full[1] if v1[1] else high)
     if surface.kind == "cone":
         apex = -surface.radius / np.sin(surface.angle)
@@ -202,7 +225,8 @@ def _box_range(patch: Patch) -> tuple[float, float]:
     corners = np.array(np.meshgrid(*BOX.T)).reshape(3, -1).T
     along = (corners - patch.surface.origin) @ patch.surface.axis
     slant = np.cos(patch.surface.angle)
-    return float(along.min() / slant), float(along.max() / slant)
+    far = float(np.abs(BOX).max() * np.sqrt(3) + np.linalg.norm(patch.surface.origin))  # of a very flat cone
+    return max(float(along.min() / slant), -far), min(float(along.max() / slant), far)
 
 
 def _plane_sheet(index: int, patch: Patch, margin: float, extend: bool) -> Sheet:

@@ -19,7 +19,6 @@ class Verdict:
         hints: why a rung that makes up for missing points may be better.
         explained: share of each patch's points that lie on a face of its surface.
         explained_all: the same over all points.
-        superfluous: patches without a face whose points lie on the solid all the same.
         on_solid: share of all points, those of patches that were left out included, that lie on the solid.
         iou: mean silhouette IoU, None without views.
         bare: share of the area that no point supports.
@@ -34,7 +33,6 @@ class Verdict:
     hints: tuple[str, ...] = ()
     explained: tuple[float, ...] = ()
     explained_all: float = 0.0
-    superfluous: tuple[int, ...] = ()
     on_solid: float = 0.0
     iou: float | None = None
     bare: float = 1.0

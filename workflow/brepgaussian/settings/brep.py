@@ -61,10 +61,8 @@ class BrepSettings:
     )
     polyhedron_faces: int = setting(400, "Triangles of the polyhedral fallback.", minimum=20)
     refine: bool = setting(True, "Refine all surfaces together against the images' sub-pixel edges.")
-    simplify: bool = setting(
-        True, "Try solids with fewer or simpler faces and take those that the images like as well."
-    )
-    simplify_trials: int = setting(12, "Most simpler solids that are refined and judged.", minimum=0)
+    simplify: bool = setting(True, "Try solids with fewer or simpler faces, take those that the images like as well.")
+    simplify_trials: int = setting(8, "Most simpler solids that are refined and judged.", minimum=0)
     simplify_time_s: float = setting(
         30.0, "Time after which no simpler solid is tried any more.", unit="s", minimum=0.0
     )
