@@ -59,8 +59,8 @@ class Stage1Settings:
         unit="px",
         minimum=0.0,
     )
-    position_rate: float = setting(0.0003, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
-    rotation_rate: float = setting(0.0005, "Adam's rate for quaternions.", minimum=0.0)
+    position_rate: float = setting(0.00003, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
+    rotation_rate: float = setting(0.0001, "Adam's rate for quaternions.", minimum=0.0)
     scale_rate: float = setting(0.005, "Adam's rate for log scales.", minimum=0.0)
     opacity_rate: float = setting(0.03, "Adam's rate for opacity logits.", minimum=0.0)
     color_rate: float = setting(0.005, "Adam's rate for colours and edge values.", minimum=0.0)
@@ -69,10 +69,10 @@ class Stage1Settings:
         False, "One second moment for all surfels: they move in proportion to their gradients (Adam: one each)."
     )
     settle_sweeps: int = setting(10, "Sweeps of the smooth-surface prior before training.", minimum=0)
-    settle_every: int = setting(100, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
+    settle_every: int = setting(0, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
     settle_below: float = setting(
-        0.9,
-        "Weight of neighbours below the fitted surface before training, hulls being too large (0.5: symmetric).",
+        0.5,
+        "Weight of neighbours below the fitted surface before training (0.5: symmetric); more if the hull is not cut.",
         minimum=0.5,
         maximum=1.0,
     )

@@ -18,9 +18,8 @@ from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.splatting.evaluate import COLUMNS, evaluate_stage1
 
 METHODS = {
-    "hull": {"iterations": 0, "settle_sweeps": 0, "concavities": False},
-    "hull+prior": {"iterations": 0, "concavities": False},
-    "hull+prior+images": {"concavities": False},
+    "hull": {"iterations": 0, "settle_sweeps": 0, "concavities": False, "flat_faces": False},
+    "opened hull": {"iterations": 0, "settle_sweeps": 0},
     "full": {},
 }
 """Settings of each method; the last is the default."""

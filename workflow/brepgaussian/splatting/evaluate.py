@@ -10,7 +10,7 @@ from brepgaussian.artifacts.stage1 import Evidence, Surfels, read_evidence, read
 from brepgaussian.artifacts.truth import Truth, read_truth
 
 MIN_OPACITY = 0.05  # fainter surfels are no surface
-CONCAVE_RECALL = 0.01  # a concave sample is found when a surfel lies this near, unit frame
+CONCAVE_RECALL = 0.01  # a concave sample is found when a surfel's disk lies this near, unit frame
 
 
 @dataclass(frozen=True)
@@ -37,22 +37,19 @@ class SurfelQuality:
 
 def evaluate_surfels(surfels: Surfels, truth: Truth) -> SurfelQuality:
     """Score surfels against the truth."""
-    from scipy.spatial import cKDTree
-
     solid = surfels.opacities > MIN_OPACITY
     centers, normals = surfels.centers[solid].astype(np.float64), surfels.normals[solid]
     distance, surface = closest(truth, centers)
     cosine = np.einsum("nc,nc->n", normals, surface)
     gaps = _gaps(surfels, solid, truth.points)
     concave = concave_samples(truth)
-    found = cKDTree(centers).query(truth.points[concave])[0] if concave.any() else np.zeros(0)
     return SurfelQuality(
         mean=float(distance.mean()),
         p95=float(np.quantile(distance, 0.95)),
         normal_median_deg=float(np.median(np.degrees(np.arccos(np.clip(cosine, 0, 1))))),
         completeness_p95=float(np.quantile(gaps, 0.95)),
         concave_mean=float(gaps[concave].mean()) if concave.any() else None,
-        concave_recall=float((found < CONCAVE_RECALL).mean()) if concave.any() else None,
+        concave_recall=float((gaps[concave] < CONCAVE_RECALL).mean()) if concave.any() else None,
         surfels=int(solid.sum()),
     )
 

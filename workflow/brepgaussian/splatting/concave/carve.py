@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.find import find_prisms
+from brepgaussian.splatting.concave.find import find_prisms, grey_tolerance
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.sweep import straighten, subtract
 from brepgaussian.splatting.concave.trim import flatten
 
 _LEVELS = 3
@@ -36,29 +37,16 @@ def open_concavities(
     Returns:
         The opened field and the concavities.
     """
-    field, _ = flatten(views, field, origin, spacing, mesher)
-    known: list[Prism] = []
     luminance = views.luminance
+    field, _ = flatten(views, field, origin, spacing, mesher)
+    field, _ = straighten(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
+    known: list[Prism] = []
     for _ in range(_LEVELS):
         vertices, triangles = mesher(field)
         found = find_prisms(views, luminance, vertices, triangles, spacing, noise, known)
         if not found:
             break
         for prism in found:
-            field = _subtract(field, origin, spacing, prism)
+            field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known += found
     return field, known
-
-
-def _subtract(
-    field: NDArray[np.float32], origin: NDArray[np.float64], spacing: float, prism: Prism
-) -> NDArray[np.float32]:
-    """The field without the prism, slab by slab to save memory."""
-    opened = np.empty_like(field)
-    steps = [origin[axis] + spacing * np.arange(field.shape[axis]) for axis in range(3)]
-    plane = np.stack(np.meshgrid(steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 2)
-    for row, x in enumerate(steps[0]):
-        points = np.column_stack([np.full(len(plane), x), plane])
-        outside = prism.signed_distance(points, _MARGIN_CELLS * spacing).reshape(field.shape[1:])
-        opened[row] = np.minimum(field[row], outside)
-    return opened

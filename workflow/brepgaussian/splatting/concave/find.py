@@ -48,7 +48,7 @@ def find_prisms(
     """
     scene = Scene(vertices, triangles)
     footprint = views.cameras.footprint()
-    tolerance = max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
+    tolerance = grey_tolerance(noise)
     found: list[Prism] = []
     for region in planar_regions(vertices, triangles, 2 * cell):
         if known and not _is_floor(region, known, 2 * cell):
@@ -62,6 +62,11 @@ def find_prisms(
         stack = rectify(views, luminance, scene, lattice, tolerance)
         found += _concavities(views, scene, stack, footprint, tolerance)
     return found
+
+
+def grey_tolerance(noise: float) -> float:
+    """Grey levels that views of one place may differ by, from the images' noise."""
+    return max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
 
 
 def _concavities(views: Views, scene: Scene, stack: Stack, footprint: float, tolerance: float) -> list[Prism]:

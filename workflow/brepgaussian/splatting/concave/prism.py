@@ -8,6 +8,8 @@ from scipy import ndimage
 
 Array = NDArray[np.float64]
 
+_SMOOTH_CELLS = 1.5  # an outline of cells is a staircase, a wall is not
+
 
 @dataclass(frozen=True)
 class Lattice:
@@ -76,7 +78,7 @@ class Prism:
         """
         cells, height = self.lattice.coordinates(points)
         cells = cells + np.outer(height, self.tilt) / self.lattice.pitch
-        outline = signed_outline(self.outline) * self.lattice.pitch
+        outline = ndimage.gaussian_filter(signed_outline(self.outline), _SMOOTH_CELLS) * self.lattice.pitch
         lateral = ndimage.map_coordinates(outline, cells.T, order=1, mode="nearest")
         lateral += self.draft * np.maximum(-height, 0)
         lateral /= np.sqrt(1 + np.dot(self.tilt, self.tilt) + self.draft**2)

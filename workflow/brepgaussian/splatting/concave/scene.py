@@ -30,6 +30,13 @@ class Scene:
             return np.zeros(0, np.float32)
         return self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))["t_hit"].numpy()
 
+    def hits(
+        self, origins: NDArray[np.floating], directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N,) distance to the first crossing of rays with the mesh, infinite where there is none; (N, 3) normals."""
+        found = self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))
+        return found["t_hit"].numpy(), found["primitive_normals"].numpy()
+
     def intersections(
         self, origins: NDArray[np.floating], directions: NDArray[np.floating]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

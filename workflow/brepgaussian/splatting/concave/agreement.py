@@ -1,0 +1,82 @@
+"""Whether the images speak for one surface rather than another: on the right one, views agree about its radiance."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.scene import Scene
+
+Array = NDArray[np.float64]
+
+_STRIDE_PX = 4
+_OPAQUE = 250  # alpha of a pixel that is surely object
+_PLACE_PX = 6.0  # side of a place; within it, radiance changes linearly
+_LEAST_RAYS = 8  # of a place: its four coefficients take four
+_CAP = 3.0  # tolerances; greater differences (another surface is in the way) count no more than this
+_REWEIGHTINGS = 2
+_RIDGE = 1e-3
+_NORMAL_BINS = 2.0  # faces that meet at an edge are different places
+
+
+def disagreements(
+    views: Views, luminance: NDArray[np.float32], before: Scene, after: Scene, reach: float, tolerance: float
+) -> tuple[float, float, int]:
+    """How much views differ on two surfaces, where these differ.
+
+    Args:
+        views: images and cameras.
+        luminance: (V, H, W) their grey levels.
+        before, after: the surfaces; the second lies inside of the first.
+        reach: rays on which they differ by less than this are left out.
+        tolerance: grey levels that one place may differ by.
+
+    Returns:
+        Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays.
+    """
+    origins, directions, greys = [], [], []
+    for view, alpha in enumerate(views.alpha):
+        rows, columns = np.nonzero(alpha[::_STRIDE_PX, ::_STRIDE_PX] > _OPAQUE)
+        rows, columns = rows * _STRIDE_PX, columns * _STRIDE_PX
+        center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
+        origins.append(np.broadcast_to(center, ray.shape))
+        directions.append(ray)
+        greys.append(luminance[view, rows, columns])
+    origin, direction, grey = np.concatenate(origins), np.concatenate(directions), np.concatenate(greys)
+    (first, normal), (second, inner) = before.hits(origin, direction), after.hits(origin, direction)
+    met = np.isfinite(first)
+    changed = met.copy()
+    changed[met] = second[met] - first[met] > reach
+    missing = changed & ~np.isfinite(second)
+    told = changed & ~missing
+    side = _PLACE_PX * views.cameras.footprint()
+    costs = []
+    for distance, facing in ((first, normal), (second, inner)):
+        points = origin[told] + distance[told, None] * direction[told]
+        costs.append(_differences(points, facing[told], grey[told].astype(float), side, tolerance))
+    lost = missing.sum() / max(changed.sum(), 1)
+    return costs[0], (1 - lost) * costs[1] + lost * _CAP, int(changed.sum())
+
+
+def _differences(points: Array, normals: Array, grey: Array, side: float, tolerance: float) -> float:
+    """Mean capped difference of rays from a linear fit to all rays of their place."""
+    if not len(points):
+        return 0.0
+    keys = np.column_stack([np.floor(points / side), np.round(normals * _NORMAL_BINS)]).astype(np.int64)
+    _, place, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    place = place.ravel()
+    local = points / side - np.floor(points / side) - 0.5
+    terms = np.column_stack([np.ones(len(points)), local])
+    weight = np.ones(len(points))
+    difference = np.zeros(len(points))
+    for _ in range(_REWEIGHTINGS + 1):
+        matrix = np.zeros((len(count), 4, 4)) + _RIDGE * np.eye(4)
+        side_sum = np.zeros((len(count), 4))
+        for i in range(4):
+            side_sum[:, i] = np.bincount(place, weight * terms[:, i] * grey, len(count))
+            for j in range(4):
+                matrix[:, i, j] += np.bincount(place, weight * terms[:, i] * terms[:, j], len(count))
+        fit = np.linalg.solve(matrix, side_sum[..., None])[..., 0]
+        difference = (grey - np.einsum("nk,nk->n", terms, fit[place])) / tolerance
+        weight = 1 / (1 + (difference / _CAP) ** 2)
+    enough = count[place] >= _LEAST_RAYS
+    return float(np.minimum(np.abs(difference[enough]), _CAP).mean()) if enough.any() else 0.0

@@ -1,0 +1,185 @@
+"""Channels and slots that are open at their ends, made straight.
+
+Silhouettes along a channel show its section; with perspective they show it at the ends only, and towards the
+middle a hull closes it. So a column along the direction of a face's normal that the hull leaves empty anywhere
+between two faces is taken to be empty all along, if the silhouettes stay filled and the views agree better.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian import log
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.contours import chords_in, contour_rays
+from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.scene import Scene
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
+
+_PARALLEL = 0.998  # cosine of 3.6 degrees
+_LEAST_AREA = 0.01  # of a face that ends a channel
+_END_VOXELS = 3.0  # at a channel's ends the hull is rounded
+_LEAST_CELLS = 12  # of a section's region that changes
+_FINER = 2  # cells of a section for each voxel
+_LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
+_MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
+_GAIN = 0.8  # a cut leaves at most this share of the disagreement
+_LEAST_RAYS = 200
+_CHORD_SAMPLES = 32
+_MOST_CUTS = 4  # channels of one part
+_MOST_TRIED = 6  # hypotheses for the next one, largest first
+
+logger = log.get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """Columns to empty: a prism whose lateral outline is `prism.outline`, without margins; `volume` in voxels."""
+
+    prism: Prism
+    volume: float
+
+
+def straighten(
+    views: Views,
+    luminance: NDArray[np.float32],
+    field: Field,
+    origin: Array,
+    spacing: float,
+    mesher: Mesher,
+    tolerance: float,
+) -> tuple[Field, list[Prism]]:
+    """Empty the columns that are empty at their ends.
+
+    Args:
+        views: images and cameras.
+        luminance: (V, H, W) their grey levels.
+        field: (n, n, n) signed distance to the hull, inside positive.
+        origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
+        mesher: turns a field into vertices (K, 3) and triangles (T, 3).
+        tolerance: grey levels that one place may differ by.
+
+    Returns:
+        The field and what was cut.
+    """
+    rays = contour_rays(views)
+    done: list[Prism] = []
+    for _ in range(_MOST_CUTS):
+        mesh = mesher(field)
+        scene = Scene(*mesh)
+        chords = chords_in(scene, *rays)
+        regions = [r for r in planar_regions(*mesh, 2 * spacing) if r.area(*mesh) >= _LEAST_AREA]
+        cuts = [c for normal in _directions(regions) for c in _cuts(field, origin, spacing, normal, regions)]
+        # the right direction explains all of a channel at once, others parts of it
+        for cut in sorted(cuts, key=lambda c: -c.volume)[:_MOST_TRIED]:
+            if _lost(cut.prism, chords.ray, chords.entry, chords.exit) > _MOST_LOST:
+                continue
+            opened = subtract(field, origin, spacing, cut.prism, 0.0)
+            old, new, count = disagreements(views, luminance, scene, Scene(*mesher(opened)), 2 * spacing, tolerance)
+            good = count >= _LEAST_RAYS and new <= _GAIN * old
+            logger.info(
+                "channel along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
+                np.round(cut.prism.lattice.normal, 2).tolist(), cut.volume, new, old, count,
+                "" if good else ": not believed",
+            )  # fmt: skip
+            if good:
+                field = opened
+                done.append(cut.prism)
+                break
+        else:
+            break
+    return field, done
+
+
+def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
+    """Normals of faces with another face at their back, each direction once."""
+    found: list[Array] = []
+    for region in regions:
+        opposite = any(region.normal @ other.normal < -_PARALLEL for other in regions)
+        if opposite and not any(abs(region.normal @ other) > _PARALLEL for other in found):
+            found.append(region.normal)
+    return found
+
+
+def _cuts(field: Field, origin: Array, spacing: float, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
+    """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = np.cross(helper, normal)
+    first /= np.linalg.norm(first)
+    second = np.cross(normal, first)
+    corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
+    corners = corners @ np.stack([first, second, normal]).T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    u, v, w = (np.arange(low[k], high[k], spacing) for k in range(3))
+    base = u[:, None, None] * first + v[None, :, None] * second
+    columns = np.empty((len(w), len(u), len(v)), np.float32)
+    for k, height in enumerate(w):
+        index = ((base + height * normal - origin) / spacing).reshape(-1, 3).T
+        columns[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(u), len(v))
+    found = []
+    steps = _steps(normal, regions, spacing)
+    for bottom, top in pairwise(steps):
+        inner = (w > bottom + _END_VOXELS * spacing) & (w < top - _END_VOXELS * spacing)
+        if not inner.any():
+            continue
+        least, most = columns[inner].min(axis=0), columns[inner].max(axis=0)
+        volume = (columns[inner] > 0).sum(axis=0)
+        labels, count = ndimage.label((least < 0) & (most > 0))
+        empty = most <= 0
+        for k in range(1, count + 1):
+            member = labels == k
+            if member.sum() < _LEAST_CELLS or volume[member].sum() < _LEAST_VOLUME_VOXELS:
+                continue
+            section = member | (ndimage.binary_dilation(member, iterations=2) & empty)
+            fine = ndimage.zoom(np.where(section | (least >= 0), least, spacing), _FINER, order=1, grid_mode=True,
+                                mode="nearest")  # fmt: skip
+            start = (u[0] - spacing / 2) * first + (v[0] - spacing / 2) * second + top * normal
+            lattice = Lattice(start, first, second, normal, spacing / _FINER, fine.shape)
+            near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
+            prism = Prism(lattice, (fine < 0) & near, top - bottom, False, 0.0)
+            found.append(_Cut(prism, float(volume[member].sum())))
+    return found
+
+
+def _steps(normal: Array, regions: Sequence[PlanarRegion], spacing: float) -> list[float]:
+    """Heights of the faces across a direction, ascending."""
+    heights = sorted(
+        float(np.sign(r.normal @ normal) * r.offset) for r in regions if abs(r.normal @ normal) > _PARALLEL
+    )
+    kept: list[float] = []
+    for height in heights:
+        if not kept or height - kept[-1] > 2 * _END_VOXELS * spacing:
+            kept.append(height)
+    return kept
+
+
+def _lost(prism: Prism, ray: NDArray[np.int64], entry: Array, end: Array) -> float:
+    """Share of the rays through a cut that have nothing left outside of it."""
+    share = (np.arange(_CHORD_SAMPLES) + 0.5) / _CHORD_SAMPLES
+    points = entry[:, None] + share[:, None] * (end - entry)[:, None]  # (S, K, 3)
+    removed = (prism.signed_distance(points.reshape(-1, 3), 0.0) < 0).reshape(points.shape[:2])
+    touched, lost = np.unique(ray[removed.any(axis=1)]), np.zeros(int(ray.max(initial=0)) + 1, bool)
+    lost[touched] = True
+    lost[ray[~removed.all(axis=1)]] = False
+    return float(lost.sum() / max(len(touched), 1))
+
+
+def subtract(field: Field, origin: Array, spacing: float, prism: Prism, margin: float) -> Field:
+    """The field without a prism, slab by slab to save memory."""
+    opened = np.empty_like(field)
+    steps = [origin[axis] + spacing * np.arange(field.shape[axis]) for axis in range(3)]
+    plane = np.stack(np.meshgrid(steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 2)
+    for row, x in enumerate(steps[0]):
+        points = np.column_stack([np.full(len(plane), x), plane])
+        outside = prism.signed_distance(points, margin).reshape(field.shape[1:])
+        opened[row] = np.minimum(field[row], outside)
+    return opened
