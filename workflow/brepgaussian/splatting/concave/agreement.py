@@ -57,7 +57,7 @@ def disagreements(
     return costs[0], (1 - lost) * costs[1] + lost * _CAP, int(changed.sum())
 
 
-def _differences(points: Array, normals: Array, grey: Array, side: float, tolerance: float) -> float:
+def _differences(points: Array, normals: NDArray[np.float32], grey: Array, side: float, tolerance: float) -> float:
     """Mean capped difference of rays from a linear fit to all rays of their place."""
     if not len(points):
         return 0.0
