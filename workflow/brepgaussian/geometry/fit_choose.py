@@ -27,6 +27,9 @@ MIN_TORUS_RATIO = 0.25  # radii of a torus; below it is a sphere with a dent
 MAX_TORUS_RATIO = 100.0  # radii of a torus; beyond it the data cannot tell it from a cylinder
 # A reconstructed plane bulges: a surface whose normals turn less on both sides of their mean is one.
 FLAT_TURN = np.radians(6.0)
+# In inner corners it bulges more; then it is one if its points lie as near to a plane as bulges of its width do.
+BULGE_TURN = np.radians(10.0)
+BULGE_SHARE, BULGE_MOST = 0.03, 0.004  # rms height over the width, and unit frame
 _TURN_QUANTILE = 0.95
 _SMALL = 1e-12
 
@@ -162,7 +165,7 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
         return False
     if surface.kind == "plane":
         return True
-    if surface.radius + surface.minor > reach or turn_of(surface, points) < FLAT_TURN:
+    if surface.radius + surface.minor > reach or _flat(turn_of(surface, points), points):
         return False
     if surface.kind == "torus":
         ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
@@ -170,6 +173,17 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
     if surface.kind == "cone" and not np.radians(2.0) < surface.angle < np.radians(88.0):
         return False
     return surface.radius < 20 * extent
+
+
+def _flat(turn: float, points: Array) -> bool:
+    """Whether points whose surface turns by an angle (radians) may as well be a plane that bulges."""
+    if turn >= BULGE_TURN:
+        return False
+    if turn < FLAT_TURN:
+        return True
+    centred = points - points.mean(axis=0)
+    height, width, _ = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(points)), 0))
+    return bool(height < min(BULGE_SHARE * np.sqrt(12) * width, BULGE_MOST))
 
 
 def turn_of(surface: Surface, points: Array) -> float:

@@ -14,6 +14,7 @@ from brepgaussian.primitives.patches import (
     Indices,
     Noise,
     Patch,
+    clear_of_edges,
     islands,
     spreads,
     thinned,
@@ -210,7 +211,7 @@ def _errors(
 def _choice(
     members: Indices, cloud: Cloud, noise: Noise, settings: PrimitivesSettings, initial: tuple[Surface, ...]
 ) -> Choice | None:
-    some = thinned(members, settings.sample)
+    some = thinned(clear_of_edges(cloud, members), settings.sample)
     try:
         return choose(
             cloud.xyz[some],

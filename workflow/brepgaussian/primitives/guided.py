@@ -26,7 +26,7 @@ from brepgaussian.geometry.fit_choose import EFFECTIVE, UNEXPLAINED, price
 from brepgaussian.geometry.fit_refine import PARAMETERS
 from brepgaussian.geometry.surfaces import Surface, plane, sphere
 from brepgaussian.log import get_logger
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, thinned
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, clear_of_edges, thinned
 from brepgaussian.primitives.propose import State
 from brepgaussian.primitives.relations import axis_gap
 from brepgaussian.settings.primitives import PrimitivesSettings
@@ -111,7 +111,7 @@ def guide(
 
 
 def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> Surface:
-    some = thinned(patch.members, settings.sample)
+    some = thinned(clear_of_edges(cloud, patch.members), settings.sample)
     points, normals = cloud.xyz[some], cloud.normals[some]
     candidates = [(patch.surface, price(patch.surface), 1)]
     for start, free, choices in _starts(points, normals, sources):

@@ -17,6 +17,8 @@ Indices = NDArray[np.int64]
 
 KEPT = 0.9  # share of the points that measures a residual; up to a tenth may carry a wrong label
 TRIMMED = 0.789  # root mean square of the smallest 90 % of Gaussian magnitudes, in sigma
+_ROUNDED = 2.0  # spacings from a curve within which points are rounded off
+_INNER_SHARE, _INNER_COUNT = 0.5, 30  # of a patch's points that must be left without them
 STRAY_SHARE = 0.03  # of a label: smaller islands are wrong labels
 STRAY_COUNT = 8  # points; so are islands below this, unless the label is not much larger
 
@@ -36,6 +38,8 @@ class Cloud:
     Attributes:
         xyz, normals: (N, 3); label: (N,); edge: (N,) edge value in 0..1;
         neighbours: (N, K) indices of the nearest points; spacing: median distance to the nearest labelled point.
+        inner: (N,) whether a point is far enough from the curves between the patches, or on one: surfels round
+            sharp edges off, so what lies just beside them makes a torus of every chamfer.
     """
 
     xyz: Array
@@ -44,6 +48,7 @@ class Cloud:
     edge: Array
     neighbours: Indices
     spacing: float
+    inner: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -77,9 +82,21 @@ def make_cloud(points: Points, neighbours: int) -> Cloud:
     label, edge = points.label.astype(np.int64), points.edge.astype(np.float64)
     count = min(neighbours, max(len(xyz) - 1, 0))
     if count == 0:
-        return Cloud(xyz, normals, label, edge, np.zeros((len(xyz), 0), np.int64), 0.0)
+        return Cloud(xyz, normals, label, edge, np.zeros((len(xyz), 0), np.int64), 0.0, np.ones(len(xyz), bool))
     distance, index = cKDTree(xyz).query(xyz, k=count + 1)
-    return Cloud(xyz, normals, label, edge, index[:, 1:].astype(np.int64), float(np.median(distance[:, 1])))
+    spacing = float(np.median(distance[:, 1]))
+    inner = np.ones(len(xyz), bool)
+    on_curve = points.curve >= 0
+    if on_curve.any():
+        far = cKDTree(xyz[on_curve]).query(xyz, distance_upper_bound=_ROUNDED * spacing)[0] == np.inf
+        inner = far | on_curve
+    return Cloud(xyz, normals, label, edge, index[:, 1:].astype(np.int64), spacing, inner)
+
+
+def clear_of_edges(cloud: Cloud, members: Indices) -> Indices:
+    """The members that are not rounded off, or all where too few are left."""
+    inner = members[cloud.inner[members]]
+    return inner if len(inner) >= max(_INNER_SHARE * len(members), _INNER_COUNT) else members
 
 
 def islands(cloud: Cloud, members: Indices) -> list[Indices]:
