@@ -37,5 +37,9 @@ rule all:
         rules.metrics.output,
 
 
+onstart:
+    tell_what_is_missing()
+
+
 onerror:
     publish_what_there_is()

@@ -88,6 +88,13 @@ def test_variants_and_numbers_of_views_keep_the_groups_apart():
     ]
 
 
+def test_any_variant_of_the_masks_stands_in_their_table():
+    rows = [row("a", v) for v in ("full", "masks_truth", "masks_mine")]
+    masks = next(t for t in tables.all_tables(rows, GROUPS) if t.name == "5_masks")
+    ours = [x["method"] for x in lines_of(masks) if x["objects are"] == "tuned"]
+    assert ours[::2] == ["masks_mine, mean", "truth masks, mean", "automatic masks, mean"]
+
+
 def test_runs_are_counted():
     rows = [row("a", seconds=60.0, peak_mb=800.0), row("b", seconds=90.0, peak_mb=900.0), failed("c")]
     runs = next(t for t in tables.all_tables(rows, GROUPS) if t.name == "runs")

@@ -49,6 +49,7 @@ def test_a_good_object_ends_in_a_closed_solid_and_a_broken_one_in_a_row_with_its
     assert rows["broken"]["status"] == "failed"
     assert "absent" in rows["broken"]["reason"]
     assert "2 row(s): 1 ok, 1 failed" in said
+    assert "broken: absent does not exist" in said  # before anything ran
     assert status == 1  # like a compiler: what could be made is made, and the failure is told
 
 

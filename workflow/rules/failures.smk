@@ -1,4 +1,13 @@
-# What is published after a run with failures: every table that was asked for, with what there is.
+# What is told before a run, and what is published after one with failures: every table with what there is.
+
+
+def tell_what_is_missing():
+    """Before a run: the objects that lack something. They fail, or are not scored; the others run."""
+    from brepgaussian.project.check import tell
+
+    said = tell(OBJECTS.values())
+    if said:
+        print(f"Some objects lack something:\n{said}", file=sys.stderr)
 
 
 def publish_what_there_is():

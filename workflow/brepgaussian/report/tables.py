@@ -32,7 +32,7 @@ ABLATIONS = {
     FULL: "full",
 }
 MASKS = {"masks_truth": "truth masks", "masks_sam": "SAM, not corrected", FULL: "automatic masks"}
-VIEWS_PREFIX = "views_"
+MASKS_PREFIX, VIEWS_PREFIX = "masks_", "views_"
 _INPUTS = dict.fromkeys(BASELINES, "our points")
 _COUNTS = (Column("objects", "objects", "objects"), Column("failed", "failed", "failed"))
 
@@ -72,7 +72,7 @@ def all_tables(rows: Sequence[Row], groups: Mapping[str, str], others: Sequence[
         _grouped("3_solids", _solids(), (), beside, groups, captions.SOLIDS),
         _variants("4_ablation_patches", _segmentation("patch"), paper.ABLATION_PATCHES, rows, groups, ABLATIONS),
         _variants("4_ablation_cad", _cad(), paper.ABLATION_CAD, rows, groups, ABLATIONS),
-        _variants("5_masks", _mask_columns(), paper.MASKS, rows, groups, MASKS),
+        _variants("5_masks", _mask_columns(), paper.MASKS, rows, groups, _mask_titles(rows)),
         views_table(rows, groups),
         objects_table(full, groups),
         runs_table(rows),
@@ -119,6 +119,12 @@ def _solids() -> dict[str, Column]:
     names |= {"silhouette_px": "silhouette (px)", "seconds": "seconds", "peak_mb": "MB"}
     digits = {"seconds": 0, "peak_mb": 0, "volume_iou": 4, "mask_iou": 4}
     return {name: Column(title, name, title, 1.0, digits.get(name, 3)) for name, title in names.items()}
+
+
+def _mask_titles(rows: Sequence[Row]) -> dict[str, str]:
+    """Titles of the mask variants; one that is not known here goes by its name."""
+    others = variants_where(rows, lambda name: name.startswith(MASKS_PREFIX))
+    return {**{name: name for name in others}, **MASKS}
 
 
 def _mask_columns() -> dict[str, Column]:
