@@ -8,11 +8,12 @@ from brepgaussian.report.formats import Table
 
 _SCORES = {
     "patch_f1_008": "patch F1, tau .08",
+    "edge_f1_008": "edge F1, tau .08",
     "patch_strict_f1_002": "strict patch F1, tau .02",
     "topology_match": "right topology",
 }
 _DISTANCE = "surface_cd_exact"
-_MARKERS = ("o", "s", "^")
+_MARKERS = ("o", "D", "s", "^")
 _STYLES = ("-", "--", ":")  # one a group of objects
 
 
