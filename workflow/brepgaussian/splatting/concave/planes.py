@@ -80,14 +80,14 @@ def _dominant(
     index = np.flatnonzero(free)
     if not len(index):
         return None
-    keys = np.round(normals[index] * _DIRECTION_BINS).astype(int)
-    _, inverse = np.unique(keys, axis=0, return_inverse=True)
-    inverse = inverse.ravel()
-    weight = np.bincount(inverse, areas[index])
+    side = 2 * _DIRECTION_BINS + 1
+    bins = np.round(normals[index] * _DIRECTION_BINS).astype(int) + _DIRECTION_BINS
+    code = (bins[:, 0] * side + bins[:, 1]) * side + bins[:, 2]
+    weight = np.bincount(code, areas[index])
     best = int(weight.argmax())
     if weight[best] < _MINIMUM_AREA / 4:
         return None
-    in_bin = index[inverse == best]
+    in_bin = index[code == best]
     normal = np.average(normals[in_bin], axis=0, weights=areas[in_bin])
     normal /= np.linalg.norm(normal)
     alike = index[normals[index] @ normal > _SAME_DIRECTION]

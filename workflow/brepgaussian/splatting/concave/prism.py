@@ -1,6 +1,7 @@
 """A prismatic concavity: a planar outline, pushed into the solid to a flat floor, straight, leaning or tapered."""
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,10 @@ class Prism:
         """Area of the opening."""
         return float(self.outline.sum()) * self.lattice.pitch**2
 
+    @cached_property
+    def _smooth_outline(self) -> Array:
+        return np.asarray(ndimage.gaussian_filter(signed_outline(self.outline), _SMOOTH_CELLS) * self.lattice.pitch)
+
     def signed_distance(self, points: Array, margin: float) -> Array:
         """(N,) about the distance to the concavity's walls and floor, negative within it.
 
@@ -78,8 +83,7 @@ class Prism:
         """
         cells, height = self.lattice.coordinates(points)
         cells = cells + np.outer(height, self.tilt) / self.lattice.pitch
-        outline = ndimage.gaussian_filter(signed_outline(self.outline), _SMOOTH_CELLS) * self.lattice.pitch
-        lateral = ndimage.map_coordinates(outline, cells.T, order=1, mode="nearest")
+        lateral = ndimage.map_coordinates(self._smooth_outline, cells.T, order=1, mode="nearest")
         lateral += self.draft * np.maximum(-height, 0)
         lateral /= np.sqrt(1 + np.dot(self.tilt, self.tilt) + self.draft**2)
         beyond = _beyond(cells, self.lattice.shape) * self.lattice.pitch
@@ -89,8 +93,14 @@ class Prism:
 
 
 def signed_outline(outline: NDArray[np.bool_]) -> Array:
-    """(R, C) distance of cell centres to an outline, in cells, negative inside."""
-    padded = np.pad(outline, 1)
+    """(R, C) distance of cell centres to an outline, in cells, negative inside. Not to be changed: it is kept."""
+    return _signed_outline(np.packbits(outline).tobytes(), outline.shape)
+
+
+@lru_cache(maxsize=64)
+def _signed_outline(bits: bytes, shape: tuple[int, int]) -> Array:
+    flat = np.unpackbits(np.frombuffer(bits, np.uint8), count=shape[0] * shape[1])
+    padded = np.pad(flat.reshape(shape).astype(bool), 1)
     inside, outside = ndimage.distance_transform_edt(padded), ndimage.distance_transform_edt(~padded)
     # half a cell on either side puts zero on the border between two cells
     return np.where(padded, 0.5 - inside, outside - 0.5)[1:-1, 1:-1]

@@ -37,6 +37,7 @@ _LEAST_RAYS = 200
 _CHORD_SAMPLES = 32
 _MOST_CUTS = 4  # channels of one part
 _MOST_TRIED = 6  # hypotheses for the next one, largest first
+_MARGIN_VOXELS = 4.0  # around a cut in which the field follows it
 
 logger = log.get_logger("stage1")
 
@@ -174,12 +175,28 @@ def _lost(prism: Prism, ray: NDArray[np.int64], entry: Array, end: Array) -> flo
 
 
 def subtract(field: Field, origin: Array, spacing: float, prism: Prism, margin: float) -> Field:
-    """The field without a prism, slab by slab to save memory."""
-    opened = np.empty_like(field)
-    steps = [origin[axis] + spacing * np.arange(field.shape[axis]) for axis in range(3)]
-    plane = np.stack(np.meshgrid(steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 2)
-    for row, x in enumerate(steps[0]):
-        points = np.column_stack([np.full(len(plane), x), plane])
-        outside = prism.signed_distance(points, margin).reshape(field.shape[1:])
-        opened[row] = np.minimum(field[row], outside)
+    """The field without a prism; beyond a few voxels around it nothing changes."""
+    opened = field.copy()
+    part, points = _box(field.shape, origin, spacing, prism, margin)
+    outside = prism.signed_distance(points, margin).reshape(opened[part].shape)
+    opened[part] = np.minimum(opened[part], outside)
     return opened
+
+
+def _box(
+    shape: tuple[int, ...], origin: Array, spacing: float, prism: Prism, margin: float
+) -> tuple[tuple[slice, ...], Array]:
+    """The part of a grid that holds a prism, and the positions (N, 3) of its nodes."""
+    lattice = prism.lattice
+    cells = lattice.centers()[prism.outline]
+    ends = []
+    for height in (margin, -prism.depth - (margin if prism.through else 0.0)):
+        drift = -height * np.asarray(prism.tilt)
+        ends.append(cells + height * lattice.normal + drift[0] * lattice.first + drift[1] * lattice.second)
+    corners = np.concatenate(ends)
+    reach = max(_MARGIN_VOXELS * spacing, 2 * lattice.pitch)
+    low = np.clip(np.floor((corners.min(axis=0) - reach - origin) / spacing).astype(int), 0, None)
+    high = np.minimum(np.ceil((corners.max(axis=0) + reach - origin) / spacing).astype(int) + 1, shape)
+    part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
+    return part, np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
