@@ -33,6 +33,9 @@ class Stage1Settings:
     flat_faces: bool = setting(
         True, "Cut off what the hull has above planar faces on whose borders the masks of all views agree."
     )
+    edge_cloud: bool = setting(
+        True, "Triangulate the images' edges to a 3D edge cloud, and report the surface that no two views see."
+    )
     edge_loss: bool = setting(True, "Train the edge value e of each surfel (paper, L_edge).")
     edge_weight: float = setting(0.1, "Weight of L_edge (paper: 0.1).", minimum=0.0)
     dssim_weight: float = setting(0.2, "Share of D-SSIM in L_geo, lambda (3DGS: 0.2).", minimum=0.0, maximum=1.0)

@@ -13,6 +13,7 @@ from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.library import load, pointer
 
 if TYPE_CHECKING:
+    from brepgaussian.splatting.concave import Prism
     from brepgaussian.splatting.faces import Face
 
 _UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
@@ -32,12 +33,14 @@ class Hull:
         triangles: (T, 3) int64, counter-clockwise seen from outside.
         normals: (K, 3) float64 outward unit normals at the vertices.
         spacing: edge of a voxel, unit frame.
+        prisms: concavities that were opened although no silhouette shows them.
     """
 
     vertices: NDArray[np.float64]
     triangles: NDArray[np.int64]
     normals: NDArray[np.float64]
     spacing: float
+    prisms: tuple["Prism", ...] = ()
 
 
 def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -95,6 +98,7 @@ def carve(
             fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
         )
     faces: list[Face] = []
+    prisms: list[Prism] = []
     if patches is not None:
         from brepgaussian.splatting.faces import flatten_faces
 
@@ -104,9 +108,9 @@ def carve(
     if concavities:
         from brepgaussian.splatting.concave import open_concavities
 
-        field = open_concavities(views, field, origin, spacing, lambda f: _mesh(f, origin, spacing), noise)[0]
+        field, prisms = open_concavities(views, field, origin, spacing, lambda f: _mesh(f, origin, spacing), noise)
     vertices, triangles = _mesh(field, origin, spacing)
-    return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing), faces
+    return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing, tuple(prisms)), faces
 
 
 def _sample(

@@ -1,14 +1,13 @@
 """Stage 1: geometry and edges. Surfels on the visual hull, trained by 2D Gaussian Splatting."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from brepgaussian.artifacts.base import Provenance
 from brepgaussian.artifacts.masks import Masks, read_masks
-from brepgaussian.artifacts.stage1 import Evidence, Surfels
+from brepgaussian.artifacts.stage1 import Evidence
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import StageError
 from brepgaussian.log import get_logger, progress
@@ -33,12 +32,6 @@ SYMMETRIC = 0.5  # once the images pull, the prior smooths without taking sides
 SMALLEST_PX = 0.5  # surfels of less than this standard deviation are not split: no pixel could tell the halves apart
 
 logger = get_logger("stage1")
-
-EvidenceStep = Callable[[Views, Masks, Surfels, Evidence, Stage1Settings, int], tuple[Surfels, Evidence]]
-"""(views, masks, surfels, evidence, settings, threads) -> surfels and evidence, enriched or changed."""
-
-EVIDENCE_STEPS: list[EvidenceStep] = []
-"""Run in order after training, before writing: 3D edges, confirmed faces, unobserved regions."""
 
 
 def train_stage1(
@@ -83,10 +76,29 @@ def train_stage1(
         losses=np.array(trained.losses, np.float32),
         features=trained.features,
     )
-    for step in EVIDENCE_STEPS:
-        surfels, evidence = step(views, masks, surfels, evidence, settings, threads)
+    if settings.edge_cloud:
+        evidence = add_edges(evidence, views, float(np.median(masks.noise)), trained.hull, settings)
     surfels.write(out_ply)
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
+
+
+def add_edges(evidence: Evidence, views: Views, noise: float, hull: Hull, settings: Stage1Settings) -> Evidence:
+    """The evidence with 3D edges and with the places of the hull that fewer than two views see."""
+    from brepgaussian.splatting.concave.scene import Scene
+    from brepgaussian.splatting.evidence import concavity_edges, edge_cloud, unobserved
+
+    scene = Scene(hull.vertices, hull.triangles)
+    cloud = concavity_edges(views, scene, hull.prisms, edge_cloud(views, scene, noise, settings.seed))
+    points, normals, _ = spread(hull, settings.surfels, settings.seed)
+    unseen = unobserved(views, scene, points, normals, hull.spacing)
+    logger.info("%d 3D edge points; %.1f %% of the surface unobserved", len(cloud.points), 100 * unseen.mean())
+    return replace(
+        evidence,
+        edge_points=cloud.points,
+        edge_directions=cloud.directions,
+        edge_views=cloud.views,
+        unobserved=points[unseen].astype(np.float32),
+    )
 
 
 @dataclass(frozen=True)

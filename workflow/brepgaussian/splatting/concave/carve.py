@@ -39,7 +39,7 @@ def open_concavities(
     """
     luminance = views.luminance
     field, _ = flatten(views, field, origin, spacing, mesher)
-    field, _ = straighten(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
+    field, channels = straighten(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
     known: list[Prism] = []
     for _ in range(_LEVELS):
         vertices, triangles = mesher(field)
@@ -49,4 +49,4 @@ def open_concavities(
         for prism in found:
             field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known += found
-    return field, known
+    return field, channels + known

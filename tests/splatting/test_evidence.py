@@ -1,0 +1,120 @@
+"""3D edges, unobserved surface, chords and straightened channels, against solids whose truth is known."""
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.truth import read_truth
+from brepgaussian.artifacts.views import read_views
+from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave import Prism
+from brepgaussian.splatting.concave.contours import chords_in, loss
+from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.radiance import disagreement
+from brepgaussian.splatting.concave.rays import Rays, exits
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.evidence import concavity_edges, edge_cloud, unobserved
+from brepgaussian.splatting.evidence.edgels import find_edgels
+from brepgaussian.splatting.evidence.edges import EdgeCloud
+from brepgaussian.splatting.hull import carve
+from brepgaussian.views.stage import make_views
+
+BOX = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, -1).T.astype(float)
+SIDES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+SIDES += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+
+
+@pytest.fixture(scope="module")
+def channel(tmp_path_factory):
+    """A U-channel of a seed that nothing was tuned on."""
+    folder = tmp_path_factory.mktemp("channel")
+    files = {"out_views": folder / "views.h5", "out_truth": folder / "truth.h5"}
+    settings = ViewsSettings(rendered_views=40, image_size=500)
+    make_views(object_name="channel", source="part", path="u_channel:3", settings=settings, **files)
+    return read_views(files["out_views"]), read_truth(files["out_truth"])
+
+
+def test_chords_of_a_box_and_what_a_half_space_leaves():
+    scene = Scene(BOX, np.array(SIDES))
+    origins = np.array([[-1, 0.3, 0.4], [-1, 0.3, 1.4], [0.21, 0.32, 3]])
+    directions = np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, -1]])
+    chords = chords_in(scene, origins, directions)
+    np.testing.assert_array_equal(chords.ray, [0, 2])
+    np.testing.assert_allclose(chords.entry, [[0, 0.3, 0.4], [0.21, 0.32, 1]], atol=1e-6)
+    up = np.array([0, 0, 1.0])
+    left = chords.trimmed(up, 0.3)
+    np.testing.assert_array_equal(left.ray, [2])
+    np.testing.assert_allclose(left.entry, [[0.21, 0.32, 0.3]], atol=1e-6)
+    assert loss(chords, left, up, 0.3) == 0.5
+
+
+def test_edges_of_an_image_are_found_to_a_tenth_of_a_pixel():
+    rng = np.random.default_rng(5)
+    for angle, place in rng.uniform([0.2, -4], [1.3, 4], (5, 2)):
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        y, x = np.mgrid[:600, :600] / 10 + 0.05  # ten samples a pixel: its coverage
+        bright = ((x - 30) * normal[0] + (y - 30) * normal[1] > place).astype(np.float32)
+        image = 100 + 50 * bright.reshape(60, 10, 60, 10).mean(axis=(1, 3), dtype=np.float32)
+        edges = find_edgels(image, np.full((60, 60), 255, np.uint8), 1.0)
+        inner = (np.abs(edges.points - 30) < 20).all(axis=1)
+        offset = (edges.points[inner] - 30) @ normal - place
+        assert inner.sum() > 20
+        assert np.abs(offset).mean() < 0.1
+        assert (edges.normals[inner] @ normal).min() > 0.95
+
+
+def test_views_agree_at_the_true_depth_only():
+    rng = np.random.default_rng(11)
+    outline = np.zeros((60, 50), bool)
+    outline[10:50, 10:40] = True
+    count, depth = 20_000, 14.0
+    start = rng.uniform([10, 10], [49, 39], (count, 2))
+    sideways = rng.uniform(-1.5, 1.5, (count, 2))
+    blank = Rays(start, sideways, np.zeros(count))
+    leaves = exits(blank, outline, 40.0)
+    sunk = np.minimum(leaves, depth)
+    end = start + sunk[:, None] * sideways
+    inside = np.minimum(end - [10, 10], [49, 39] - end).min(axis=1)
+    assert np.abs(inside[leaves < depth]).max() < 1.0  # on a wall
+    grey = 200 + 0.5 * end[:, 0] + 0.3 * sunk + 6 * (leaves < depth)
+    rays = Rays(start, sideways, grey)
+    costs = {tried: disagreement(rays, leaves, tried, 1.5)[0] for tried in (8.0, 11.0, 14.0, 17.0, 22.0)}
+    assert min(costs, key=costs.get) == depth
+
+
+def test_edges_and_open_channel_of_a_part(channel):
+    views, truth = channel
+    closed = carve(views, 96, 1)[0]
+    hull = carve(views, 96, 1, True)[0]
+    inside = np.abs(Scene(closed.vertices, closed.triangles).signed_distance(truth.points)).mean()
+    opened = np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points)).mean()
+    assert opened < 0.5 * inside
+    scene = Scene(hull.vertices, hull.triangles)
+    cloud = edge_cloud(views, scene, 0.0)
+    gaps = np.linalg.norm(truth.curve_points[:, None] - cloud.points[None, ::20], axis=2).min(axis=0)
+    assert np.median(gaps) < 0.003  # truth is sampled every .005: an exact point is .00125 off
+    again = edge_cloud(views, scene, 0.0)
+    assert again.points.tobytes() == cloud.points.tobytes()
+
+
+def test_edges_of_a_concavity_are_its_border_and_corners(channel):
+    views = channel[0]
+    lattice = Lattice(np.array([0.0, 0.0, 1.0]), *np.eye(3), 0.01, (100, 100))
+    outline = np.zeros((100, 100), bool)
+    outline[30:70, 20:60] = True
+    box = Scene(BOX, np.array(SIDES))
+    empty = EdgeCloud(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.int16))
+    shallow = Prism(lattice, outline, 0.004, False, 0.0)  # so that all of it lies at the box' surface
+    cloud = concavity_edges(views, box, [shallow], empty)
+    low, high = np.array([0.3, 0.2]), np.array([0.7, 0.6])
+    border = np.minimum(np.abs(cloud.points[:, :2] - low), np.abs(cloud.points[:, :2] - high)).min(axis=1)
+    assert len(cloud.points) > 250
+    assert np.quantile(border, 0.9) < 0.005
+    assert ((cloud.points[:, 2] > 0.99) & (cloud.points[:, 2] < 1.001)).all()
+
+
+def test_what_no_camera_can_see_is_unobserved(channel):
+    views = channel[0]
+    shelf = np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5], [0.7, 0.7, 0.5], [0.3, 0.7, 0.5]])
+    scene = Scene(np.concatenate([BOX, shelf]), np.array([*SIDES, [8, 9, 10], [8, 10, 11]]))  # inside the box
+    points = np.array([[0.5, 0.45, 0.5], [0.5, 0.45, 1.0]])
+    normals = np.array([[0, 0, 1.0], [0, 0, 1.0]])
+    np.testing.assert_array_equal(unobserved(views, scene, points, normals, 0.001), [True, False])
