@@ -50,6 +50,26 @@ def test_rows_are_scored_from_artifacts(made, tmp_path):
     assert [labels[name] for name in head] == ["plate", "holdout", "sigma5", "truth", 1.0]
 
 
+def test_masks_are_scored_as_detected_and_as_repaired(made, tmp_path):
+    files = made.files
+    one = case(tmp_path, **{"masks.h5": files.masks, "stage2.h5": files.stage2, "truth.h5": files.truth})
+    detected, repaired = benchmark.masks_rows([one])
+    assert (detected["edges"], detected["repaired"], detected["seconds"]) == ("classical", False, 12.5)
+    assert (repaired["edges"], repaired["repaired"]) == ("regions", True)
+    for row in (detected, repaired):  # the example's masks are the true faces
+        assert (row["patches"], row["noise"], row["region_f_50"], row["region_f_75"]) == ("classical", "clean", 1, 1)
+
+
+def test_the_assembly_is_measured_with_and_without_damage():
+    plan = {"sigmas": [0.002, 0.0], "wrong_labels": [0.0], "damages": ["half_patch"], "seeds": [0]}
+    cases = benchmark.brep_cases("block_hole", plan)
+    assert [(c.sigma, c.wrong_labels, c.damage) for c in cases] == [
+        (0.002, 0.0, "none"),
+        (0.0, 0.0, "none"),
+        (0.002, 0.0, "half_patch"),
+    ]
+
+
 def test_tables_are_joined_and_failed_objects_stand_in_them(tmp_path):
     benchmark.write_rows([{"object": "a", "group": "tuned", "f": 1 / 3, "closed": True}], tmp_path / "a.csv")
     benchmark.write_rows([{"object": "b", "group": "tuned", "f": None, "closed": False}], tmp_path / "b.csv")

@@ -107,22 +107,26 @@ def labels_rows(cases: Sequence[Case]) -> list[dict[str, Any]]:
 
 
 def brep_rows(part: str, group: str, plan: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
-    """The assembly alone, on damaged clouds with true labels of one bundled part.
+    """The assembly alone, on damaged clouds with true labels of one bundled part; see `brep_cases`."""
+    from brepgaussian.brep.benchmark import run
+    from brepgaussian.settings.brep import BrepSettings
+
+    return [{**row, "group": group} for row in run(brep_cases(part, plan), BrepSettings())]
+
+
+def brep_cases(part: str, plan: Mapping[str, Sequence[Any]]) -> list[Any]:
+    """The clouds of a part that the assembly is measured on.
 
     Args:
         part: the part's name.
-        group: of the object.
         plan: `sigmas`, `wrong_labels`, `damages`, `seeds`: every noise with every share of wrong labels and no
             damage, and every damage at the first of both, for every seed.
     """
     from brepgaussian.brep.benchmark import Case as Cloud
-    from brepgaussian.brep.benchmark import run
-    from brepgaussian.settings.brep import BrepSettings
 
     kinds = [(sigma, wrong, "none") for sigma in plan["sigmas"] for wrong in plan["wrong_labels"]]
     kinds += [(plan["sigmas"][0], plan["wrong_labels"][0], damage) for damage in plan["damages"]]
-    rows = run([Cloud(part, *kind, seed) for seed in plan["seeds"] for kind in kinds], BrepSettings())
-    return [{**row, "group": group} for row in rows]
+    return [Cloud(part, *kind, seed) for seed in plan["seeds"] for kind in kinds]
 
 
 def write_rows(rows: Sequence[Row], out_csv: str | Path) -> None:
