@@ -1,7 +1,7 @@
 """Variants: named overlays of settings. What a variant does not touch is taken from `full`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from brepgaussian.errors import SettingsError
@@ -24,6 +24,7 @@ class Variants:
 
     base: Settings
     overlays: dict[str, Settings]
+    _owners: dict[tuple[str, str], str] = field(default_factory=dict, compare=False, repr=False)  # asked for often
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -36,11 +37,11 @@ class Variants:
 
     def owner(self, variant: str, stage: str) -> str:
         """The variant whose folder holds this stage's artifact: the first with the same settings upstream."""
-        wanted = self._fingerprint(variant, stage)
-        for candidate in self.names:
-            if self._fingerprint(candidate, stage) == wanted:
-                return candidate
-        return variant
+        if (variant, stage) not in self._owners:
+            wanted = self._fingerprint(variant, stage)
+            same = (name for name in self.names if self._fingerprint(name, stage) == wanted)
+            self._owners[variant, stage] = next(same)
+        return self._owners[variant, stage]
 
     def _fingerprint(self, variant: str, stage: str) -> list[Any]:
         """The settings of a stage and of all upstream, defaults filled in."""
