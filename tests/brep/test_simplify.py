@@ -48,7 +48,7 @@ def test_a_face_in_two_patches_is_merged(block, which):
     patches[which : which + 1] = split(patches[which], 0.45)
     found = proposals(patches, SIGMA, 0)
     assert [c.gone for c in found] == [(which, which + 1)]
-    new = found[0].new
+    new = found[0].new[0]
     assert new.surface.kind == kind
     assert len(new.xyz) == len(patches[which].xyz) + len(patches[which + 1].xyz)
     assert np.abs(new.surface.signed_distance(new.xyz)).mean() < SIGMA
@@ -65,8 +65,8 @@ def test_a_bent_plane_is_straightened(block, bent):
     patches = patches_of(block)
     patches[5] = replace(patches[5], surface=bent)
     found = [c for c in proposals(patches, SIGMA, 0) if c.gone == (5,)]
-    assert found[0].new.surface.kind == "plane"
-    assert abs(found[0].new.surface.axis[2]) == pytest.approx(1, abs=1e-4)
+    assert found[0].new[0].surface.kind == "plane"
+    assert abs(found[0].new[0].surface.axis[2]) == pytest.approx(1, abs=1e-4)
 
 
 def test_changes_of_one_patch_are_not_taken_together(block):
@@ -78,12 +78,12 @@ def test_changes_of_one_patch_are_not_taken_together(block):
     chosen = compatible(found)
     touched = [i for c in chosen for i in c.gone]
     assert len(touched) == len(set(touched))
-    drop = next(c for c in found if c.new is None)
+    drop = next(c for c in found if not c.new)
     after = applied(job, [drop])
     assert len(after.patches) == 7
     assert after.open_patches == (6,)
     assert [p.primitive for p in after.left_out] == [77]
-    merged = applied(job, [next(c for c in found if c.new is not None)])
+    merged = applied(job, [next(c for c in found if c.new)])
     assert sum(len(p.xyz) for p in merged.patches) == sum(len(p.xyz) for p in job.patches)
 
 

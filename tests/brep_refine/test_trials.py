@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitive, Primitives
 from brepgaussian.brep.damage import damaged
 from brepgaussian.brep.ladder import climb, make_job
@@ -36,7 +37,7 @@ def part():
 
 
 def solve(worker, part, primitives, settings=SETTINGS):
-    views, points, _ = part
+    views, points = part[:2]
     return climb(worker, make_job(views, points, primitives, settings), points, time.monotonic(), views)
 
 
@@ -60,6 +61,22 @@ def test_a_shallow_cone_becomes_the_plane_that_the_images_show(worker, part):
     plain = solve(worker, part, Primitives(tuple(items), sigma=part[2].sigma), BrepSettings(simplify=False))
     assert "cone" in {s.kind for s in plain.surfaces}
     assert badness(outcome.report, SETTINGS) < badness(plain.report, SETTINGS)
+
+
+def test_a_chamfer_without_points_is_found_in_the_images(worker):
+    from brepgaussian.views.source_rendered import load_part
+
+    options = ViewsSettings(rendered_views=12, image_size=400, interreflection=0.0)
+    loaded = load_part("stepped_shaft", "stepped_shaft", "", True, options, 1)
+    cones = [k for k, kind in enumerate(loaded.truth.face_types) if kind == "cone"]
+    points = damaged(loaded.truth, 0.002, 0.0, "none", 1)
+    keep = ~np.isin(loaded.truth.point_face, cones)
+    label = np.unique(points.label[keep], return_inverse=True)[1].astype(np.int32)
+    points = Points(points.xyz[keep], points.normals[keep], points.edge[keep], label, points.curve[keep])
+    outcome = solve(worker, (loaded.views, points), primitives_of(points, PrimitivesSettings()))
+    assert "cone" in {outcome.surfaces[f.surface].kind for f in outcome.structure.faces}
+    assert outcome.report["faces"] == len(loaded.truth.face_types)
+    assert outcome.report["accepted"]
 
 
 def test_badness_is_in_units_of_the_limits():

@@ -61,7 +61,8 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             result = refine(structure, mesh, attempt.surfaces, views, settings)
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
-                figures = _figures(result.before) | {"refined": False, "refinement": details}
+                table = {"edges": result.before.edges, "faces": result.before.faces}
+                figures = _figures(result.before) | {"refined": False, "refinement": details | table}
                 best = Polished(attempt, figures, _shown(structure, result.before))
             if not result.report["kept"]:
                 break

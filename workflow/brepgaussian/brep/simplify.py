@@ -43,12 +43,12 @@ class Change:
     Attributes:
         name: for the report.
         gone: indices of patches that it replaces.
-        new: what takes their place; None if they are left out.
+        new: what takes their place; empty if they are left out.
     """
 
     name: str
     gone: tuple[int, ...]
-    new: Patch | None
+    new: tuple[Patch, ...]
 
 
 def proposals(patches: Sequence[Patch], noise: float, seed: int) -> list[Change]:
@@ -65,11 +65,10 @@ def applied(job: Job, changes: Sequence[Change]) -> Job:
     opened = [i in job.open_patches for i in kept]
     left_out = list(job.left_out)
     for change in changes:
-        if change.new is None:
+        if not change.new:
             left_out += [job.patches[i] for i in change.gone]
-        else:
-            patches.append(change.new)
-            opened.append(any(i in job.open_patches for i in change.gone))
+        patches += change.new
+        opened += [any(i in job.open_patches for i in change.gone)] * len(change.new)
     order = sorted(range(len(patches)), key=lambda k: patches[k].primitive)
     return replace(
         job,
@@ -113,7 +112,7 @@ def _merges(patches: Sequence[Patch], noise: float, rng: np.random.Generator) ->
                 names = tuple(sorted((i, j)))
                 cost = max(_typical(surface, p) / max(noise, 1e-9) for p in pair)
                 name = f"patches {patches[names[0]].primitive} and {patches[names[1]].primitive} as one {kind}"
-                found.append((cost, Change(name, names, joined(surface, pair))))
+                found.append((cost, Change(name, names, (joined(surface, pair),))))
                 break
     found.sort(key=lambda f: f[0])
     yield from (change for _, change in found)
@@ -132,7 +131,7 @@ def _kinds(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> 
         for kind in SIMPLER[patch.surface.kind]:
             surface = _fitted(kind, [patch], noise, rng)
             if surface is not None and _explains(surface, patch, noise):
-                yield Change(f"patch {patch.primitive} as a {kind}", (index,), joined(surface, [patch]))
+                yield Change(f"patch {patch.primitive} as a {kind}", (index,), (joined(surface, [patch]),))
                 break
 
 
@@ -149,7 +148,7 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
             near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=limit)[0] <= limit
             off[near] = np.minimum(off[near], np.abs(other.surface.signed_distance(patch.xyz[near])))
         if np.mean(off <= _SIGMAS * max(noise, 1e-9)) >= _HALF:
-            yield Change(f"without patch {patch.primitive}", (index,), None)
+            yield Change(f"without patch {patch.primitive}", (index,), ())
 
 
 def _fitted(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:

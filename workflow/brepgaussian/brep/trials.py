@@ -8,10 +8,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.polish import Polished, badness, polish
 from brepgaussian.brep.simplify import Change, applied, compatible, complexity, proposals
 from brepgaussian.brep.structure import SMOOTH
+from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
@@ -20,6 +22,7 @@ _PX_SLACK = 0.02  # of the worst edge's silhouette residual: less than that is n
 _IOU_SLACK = 5e-5
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
 _HALF = 0.5
+_WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
 
@@ -48,7 +51,10 @@ class Trials:
     refused: set[str] = field(default_factory=set)
 
     def run(self) -> Polished:
-        """Try changes until none is left, or the time is up."""
+        """Try chamfers where an edge is refused, then simplify until nothing is left to try, or the time is up."""
+        for change in self._features():
+            if self._more() and self._tried([change], simpler=False) and self.best.report["accepted"]:
+                break
         while self._more():
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
@@ -56,6 +62,13 @@ class Trials:
         if self.notes:
             self.best.report["trials"] = self.notes
         return self.best
+
+    def _features(self) -> list[Change]:
+        """Chamfers at edges that the images refuse."""
+        details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
+        if self.best.report.get("accepted") is not False or not details or structure is None:
+            return []
+        return chamfers(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
 
     def _more(self) -> bool:
         return self.left > 0 and time.monotonic() < self.end
@@ -70,11 +83,11 @@ class Trials:
         together = compatible(changes)
         return ([together] if len(together) > 1 else []) + [[c] for c in changes]
 
-    def _tried(self, changes: list[Change]) -> bool:
+    def _tried(self, changes: list[Change], simpler: bool = True) -> bool:
         """Whether changes were taken; what was refused alone is not tried again."""
         if not self._more():
             return False
-        fault, outcome = self._outcome(changes)
+        fault, outcome = self._outcome(changes, simpler)
         names = [c.name for c in changes]
         self.notes.append({"changes": names, "fault": fault})
         get_logger("brep").info("trial %s: %s", ", ".join(names), fault or "taken")
@@ -84,7 +97,7 @@ class Trials:
         self.job, self.rung, self.best = outcome
         return True
 
-    def _outcome(self, changes: list[Change]) -> tuple[str, tuple[Job, Rung, Polished] | None]:
+    def _outcome(self, changes: list[Change], simpler: bool) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
         job, before = applied(self.job, changes), self.best.attempt.verdict
         fault = ""
@@ -98,14 +111,14 @@ class Trials:
             fault = "; ".join(verdict.faults)
             if attempt.shape is None:
                 continue
-            if _size(attempt) >= _size(self.best.attempt):
+            if simpler and _size(attempt) >= _size(self.best.attempt):
                 fault = "no simpler"
-            elif verdict.on_solid < before.on_solid - _POINTS_SLACK or len(verdict.doubts) > len(before.doubts):
+            elif simpler and _explains_less(verdict, before):
                 fault = "the points are explained less"
             else:
                 self.left -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
-                fault = self._against(polished)
+                fault = self._against(polished) if simpler else self._short_of(polished)
                 if not fault:
                     return "", (job, rung, polished)
         return fault, None
@@ -129,6 +142,14 @@ class Trials:
             less = badness(new, self.job.settings) > badness(old, self.job.settings)
         return f"the images agree less ({new['silhouette_px']:.3f} px, IoU {new['mask_iou']:.5f})" if less else ""
 
+    def _short_of(self, polished: Polished) -> str:
+        """Why a solid with more faces is not worth it: the images must like it much better."""
+        settings = self.job.settings
+        if polished.report.get("accepted") and not self.best.report.get("accepted"):
+            return ""
+        new, old = badness(polished.report, settings), badness(self.best.report, settings)
+        return "" if new < _WORTH * old else f"the images agree little better ({new:.1f} for {old:.1f} limits)"
+
     def _lost(self, attempt: Attempt) -> int:
         """Number of edges of the present solid that the images show and another solid lacks."""
         structure = attempt.verdict.structure
@@ -136,6 +157,10 @@ class Trials:
             return len(self.best.shown)
         tree = cKDTree(np.concatenate([e.polyline for e in structure.edges if e.convexity != SMOOTH]))
         return sum(float(np.mean(tree.query(line)[0] <= _SAME_EDGE)) < _HALF for line in self.best.shown)
+
+
+def _explains_less(verdict: Verdict, before: Verdict) -> bool:
+    return verdict.on_solid < before.on_solid - _POINTS_SLACK or len(verdict.doubts) > len(before.doubts)
 
 
 def _rungs(rung: Rung, job: Job) -> list[Rung]:

@@ -29,6 +29,7 @@ _MOST_LAST = 3
 _WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _IOU_SLACK = 1e-3  # loss of IoU that no better edge makes up for
+_PX_SLACK = 1.1  # by which the worst edge may lose where the masks gain: a solid with a wrong edge is refined too
 _TWIN = 1e-6  # distance within which two surfaces are the same
 _PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
@@ -259,14 +260,14 @@ def _with_twins(structure: Structure, before: Sequence[Surface], run: _Run) -> t
 def _better(after: Acceptance, before: Acceptance) -> bool:
     """Whether the test likes the result better than the start.
 
-    Acceptance decides. Short of it, neither figure may get worse: an edge that few samples show in few views may
+    Acceptance decides. Short of it, no figure may get clearly worse: an edge that few samples show in few views may
     be drawn away from where the points had it, while the masks as a whole improve.
     """
     if before.accepted != after.accepted:
         return after.accepted
     if after.mask_iou < before.mask_iou - (_IOU_SLACK if after.accepted else 0.0):
         return False
-    if not after.accepted and after.silhouette_px > before.silhouette_px:  # NaN compares false
+    if not after.accepted and after.silhouette_px > _PX_SLACK * before.silhouette_px:  # NaN compares false
         return False
     return after.mask_iou > before.mask_iou or after.silhouette_px < before.silhouette_px
 

@@ -1,0 +1,135 @@
+"""Chamfers that the points round off, proposed where the images refuse a sharp edge.
+
+A chamfer narrower than a few point spacings melts into its neighbours. The images show it: the sharp edge that the
+solid has in its place lies pixels off. Chamfers of some widths are proposed there; the refinement finds the rest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.simplify import Change
+from brepgaussian.brep.structure import CONVEX, Edge, Structure
+from brepgaussian.geometry.surfaces import Surface, cone, plane
+
+Array = NDArray[np.float64]
+
+WIDTHS = (0.03, 0.015, 0.06)  # of the legs, unit frame: the refinement's windows reach from one to the next
+_BAD_PX = 0.5  # median silhouette residual of an edge that is not where the solid has it
+_SHARE_OF_WORST = 0.25  # and of the worst edge's: one wrong edge draws others with it
+_PARALLEL = 1e-3  # sine between a plane's normal and a cylinder's axis whose circle is chamfered
+_ACROSS = 0.9  # |cosine| between planes whose edge is too blunt or too sharp for a chamfer
+_SPACING = 0.006  # of the points that stand for a chamfer, unit frame
+_REACH = 2.0  # spacings
+_LEAST_LEFT = 0.3  # of a neighbour's points that must remain
+_LEAST_LENGTH = 2.0  # widths: length of an edge that is worth it
+
+
+def chamfers(
+    structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], edges: Sequence[dict[str, Any]]
+) -> list[Change]:
+    """One change for every width: chamfers on all convex edges that the images place elsewhere.
+
+    Args:
+        structure: of the solid that the images judged.
+        surfaces: that it names; the first ones belong to `patches`.
+        patches: that it was built from.
+        edges: the acceptance test's table.
+    """
+    bad = _bad_edges(structure, edges)
+    result = []
+    for width in WIDTHS:
+        change = _chamfered([structure.edges[k] for k in bad], surfaces, patches, width)
+        if change is not None:
+            result.append(change)
+    return result
+
+
+def _bad_edges(structure: Structure, edges: Sequence[dict[str, Any]]) -> list[int]:
+    """Indices of convex edges far from where the images show them."""
+    px: dict[int, float] = {}
+    for row in edges:
+        kind, index = str(row["name"]).rsplit(" ", 1)
+        if kind == "edge" and isinstance(row["silhouette_px"], float):
+            px[int(index)] = row["silhouette_px"]
+    limit = max(_BAD_PX, _SHARE_OF_WORST * max(px.values(), default=0.0))
+    return [k for k in sorted(px) if px[k] > limit and structure.edges[k].convexity == CONVEX]
+
+
+def _chamfered(
+    edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float
+) -> Change | None:
+    """Chamfers of one width on edges, with what remains of the neighbours' points."""
+    new: list[Patch] = []
+    lines: dict[int, list[Array]] = {}
+    number = max((p.primitive for p in patches), default=0) + 1
+    for edge in edges:
+        if max(edge.surfaces) >= len(patches) or min(edge.surfaces) < 0 or len(edge.polyline) < 2:
+            continue
+        length = float(np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1).sum())
+        pair = (surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]])
+        made = _surface(pair, edge.polyline, width)
+        if made is None or length < _LEAST_LENGTH * width:
+            continue
+        points = _band(made, pair, edge.polyline)
+        normals = made.normals(points).copy()
+        new.append(Patch(made, number + len(new), points, normals, _REACH * _SPACING, 0.0))
+        for s in edge.surfaces:
+            lines.setdefault(s, []).append(edge.polyline)
+    trimmed = []
+    for index, near in sorted(lines.items()):
+        patch = patches[index]
+        away = cKDTree(np.concatenate(near)).query(patch.xyz)[0] > width
+        if away.mean() < _LEAST_LEFT:
+            return None
+        trimmed.append(replace(patch, xyz=patch.xyz[away], normals=patch.normals[away]))
+    if not new:
+        return None
+    names = f"{len(new)} chamfers {width:g} wide"
+    return Change(names, tuple(sorted(lines)), (*trimmed, *new))
+
+
+def _surface(pair: tuple[Surface, Surface], polyline: Array, width: float) -> Surface | None:
+    """The chamfer of a convex edge: a cone of 45 degrees between a plane and a cylinder, a plane between planes."""
+    kinds = tuple(s.kind for s in pair)
+    if kinds == ("plane", "plane"):
+        first, second = pair[0].axis, pair[1].axis
+        if abs(first @ second) > _ACROSS:
+            return None
+        middle = (first + second) / np.linalg.norm(first + second)
+        down = width * np.sqrt(max(1 - float(first @ middle) ** 2, 0.0))  # legs of `width` on both planes
+        return plane(polyline.mean(axis=0) - down * middle, middle)
+    if sorted(kinds) != ["cylinder", "plane"]:
+        return None
+    flat, round_ = pair if kinds[0] == "plane" else pair[::-1]
+    if np.linalg.norm(np.cross(flat.axis, round_.axis)) > _PARALLEL:
+        return None
+    offset = (polyline[0] - round_.origin) @ round_.axis
+    center = round_.origin + offset * round_.axis
+    if round_.flipped:  # a hole widens towards the plane
+        return cone(center, flat.axis, round_.radius + width, np.pi / 4, flipped=True)
+    return None if round_.radius <= width else cone(center, -flat.axis, round_.radius - width, np.pi / 4)
+
+
+def _band(made: Surface, pair: tuple[Surface, Surface], polyline: Array) -> Array:
+    """(N, 3) points on a chamfer between its two neighbours along an edge."""
+    steps = np.linalg.norm(np.diff(polyline, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.linspace(0, along[-1], max(int(along[-1] / _SPACING), 2))
+    spine = np.column_stack([np.interp(at, along, polyline[:, k]) for k in range(3)])
+    ends = [_slide(spine, made, neighbour) for neighbour in pair]
+    width = float(np.linalg.norm(ends[1] - ends[0], axis=1).max())
+    share = np.linspace(0.05, 0.95, max(int(width / _SPACING), 3))[:, None, None]
+    return made.project(((1 - share) * ends[0] + share * ends[1]).reshape(-1, 3))
+
+
+def _slide(points: Array, made: Surface, neighbour: Surface) -> Array:
+    """Points beside an edge moved onto the intersection of its chamfer with one neighbour (alternate projections)."""
+    for _ in range(60):
+        points = neighbour.project(made.project(points))
+    return points
