@@ -32,7 +32,7 @@ class State:
 
     Attributes:
         surfaces: one a patch; covariances: (P, P) of their local parameters; sizes: points of each patch;
-        touching: (N, N) bool; noise; settings.
+        touching: (N, N) bool; noise; settings; spreads: rms distance of each patch's points from its surface.
     """
 
     surfaces: list[Surface]
@@ -41,6 +41,7 @@ class State:
     touching: NDArray[np.bool_]
     noise: Noise
     settings: PrimitivesSettings
+    spreads: list[float]
 
     def tilt_error(self, i: int) -> float:
         """Standard deviation of a patch's direction, radians."""
@@ -61,9 +62,12 @@ class State:
         floor = np.radians(self.settings.angle_floor_deg) * min(1.0, self.noise.distance / USUAL_NOISE)
         return float(np.clip(own, floor, np.radians(self.settings.angle_cap_deg)))
 
-    def length_tolerance(self, error: float, cap: float = LENGTH_CAP) -> float:
-        """Largest difference of two lengths that counts as none, for their joint standard deviation."""
-        sigma = self.noise.distance
+    def length_tolerance(self, error: float, cap: float = LENGTH_CAP, between: tuple[int, ...] = ()) -> float:
+        """Largest difference of two lengths that counts as none, for their joint standard deviation.
+
+        Some faces are known better than others: `between` names patches whose own noise counts where it is larger.
+        """
+        sigma = max([self.noise.distance, *(self.spreads[i] for i in between)])
         return float(np.clip(CERTAIN * error, LENGTH_FLOOR * sigma, cap * sigma))
 
 
@@ -213,17 +217,17 @@ def _may_touch(state: State, link: Link) -> bool:
     error = float(
         np.hypot(*(np.sqrt(max(np.diag(state.covariances[k])[_lengths(k, state)])) for k in (link.first, link.second)))
     )
-    gap = abs(float(value[-1]))
-    if gap > state.length_tolerance(error):
+    gap, between = abs(float(value[-1])), (link.first, link.second)
+    if gap > state.length_tolerance(error, between=between):
         return False
     if len(value) == 1:
         return True
     if first.kind == "sphere" or second.kind == "sphere":
-        return float(np.linalg.norm(value[:-1])) < state.length_tolerance(error)
+        return float(np.linalg.norm(value[:-1])) < state.length_tolerance(error, between=between)
     tilt = float(np.linalg.norm(value[: 1 if len(value) == 2 else 3]))
     if tilt > state.angle_tolerance(link.first, link.second):
         return False
-    return len(value) < 7 or float(np.linalg.norm(value[3:6])) < state.length_tolerance(error, GAP_CAP)
+    return len(value) < 7 or float(np.linalg.norm(value[3:6])) < state.length_tolerance(error, GAP_CAP, between)
 
 
 def _lengths(i: int, state: State) -> list[int]:

@@ -32,7 +32,9 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("one surface", propose.same),
 )
 TOUCHING = 3  # neighbour pairs that make two patches adjacent
+MOST_SPREAD = 3.0  # noises: a patch with more is misfitted, not noisy
 WORSE = 1.2  # times its own residual that a patch may have after snapping
+BALANCED = 1.1  # product of both ratios below which a worse distance is made up for by better normals
 ALLOWED = 1.45  # noises that any patch may have: three standard deviations of `solve.EFFECTIVE` observations
 MOST_UNDONE = 40  # relations taken back in one step
 HELD = 1e-6  # a relation with a larger residual after the solve contradicts the others
@@ -50,7 +52,8 @@ def state_of(
     surfaces = [p.surface for p in patches]
     covariances = [covariance(s, e) for s, e in zip(surfaces, evidence, strict=True)]
     table = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))
-    return State(surfaces, covariances, [len(p.members) for p in patches], table >= TOUCHING, noise, settings)
+    sizes, spread = [len(p.members) for p in patches], [min(p.rms, MOST_SPREAD * noise.distance) for p in patches]
+    return State(surfaces, covariances, sizes, table >= TOUCHING, noise, settings, spread)
 
 
 class Snapping:
@@ -115,8 +118,10 @@ class Snapping:
         patch = self._on(self.patches[i], surface)
         rms, turn = spreads(patch.surface, self.cloud, patch.members)
         old_rms, old_turn = self.before[i]
-        too_far = rms > max(WORSE * old_rms, ALLOWED * self.noise.distance)
-        return too_far or turn > max(WORSE * old_turn, ALLOWED * self.noise.turn)
+        further = rms / max(old_rms, ALLOWED / WORSE * self.noise.distance)
+        turned = turn / max(old_turn, ALLOWED / WORSE * self.noise.turn)
+        # what fits the normals better may fit the positions a little worse, and the other way round
+        return max(further, turned) > (WORSE**2 if further * turned < BALANCED else WORSE)
 
 
 def regularise(
