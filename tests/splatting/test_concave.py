@@ -6,6 +6,7 @@ from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
+from brepgaussian.splatting.concave.openings import Stack, openings
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.hull import carve
@@ -56,3 +57,16 @@ def test_blind_pockets_are_opened_down_to_their_floors(tmp_path, interreflection
     assert floors.any()
     assert distance(False) > 0.04
     assert distance(True) < bound
+
+
+def test_a_ring_shaped_opening_keeps_its_island():
+    rows, columns = np.mgrid[:120, :110]
+    radius = np.hypot(rows - 60, columns - 55)
+    ring = (radius > 20) & (radius < 40)
+    shown = np.zeros((20, 120, 110), np.uint8)  # the lid's grey
+    shown[::3, ring] = 1  # a third of the views see something else
+    stack = Stack(Lattice(np.zeros(3), *np.eye(3), 0.005, ring.shape), np.ones(ring.shape, bool), shown, shown * 1.0)
+    found = openings(stack, 0.001)
+    overlap = [(o & ring).sum() / (o | ring).sum() for o in found]
+    assert max(overlap) > 0.9
+    assert any(o[60, 55] for o in found)  # the disc is a hypothesis as well

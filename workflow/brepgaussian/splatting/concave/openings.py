@@ -78,10 +78,17 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     share = np.where(seen >= _LEAST_VIEWS, against / np.maximum(seen, 1), 0)
     inner = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
     region = ndimage.binary_closing((share > _REFUTED_SHARE) & inner, iterations=2)
-    region = ndimage.binary_fill_holes(region) & stack.domain
-    region = ndimage.binary_opening(region, iterations=_OPENING_CELLS)
-    labels, count = ndimage.label(region)
-    outlines = [_sharpen(labels == k, share) for k in range(1, count + 1)]
+    filled = ndimage.binary_fill_holes(region) & stack.domain
+    # what the views agree on within an opening may be its floor, or an island as high as the lid: both are tried
+    holes, _ = ndimage.label(filled & ~region)
+    island = np.bincount(holes.ravel())[holes] * stack.lattice.pitch**2 >= least_area
+    island = ndimage.binary_opening(island & (holes > 0), iterations=_OPENING_CELLS)
+    outlines: list[NDArray[np.bool_]] = []
+    for candidate in [filled] if not island.any() else [filled, filled & ~island]:
+        opened = ndimage.binary_opening(candidate, iterations=_OPENING_CELLS)
+        labels, count = ndimage.label(opened)
+        found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
+        outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
 
 
@@ -110,18 +117,18 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
     return found
 
 
-def _sharpen(outline: NDArray[np.bool_], share: Array) -> NDArray[np.bool_]:
+def _sharpen(outline: NDArray[np.bool_], share: Array, island: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """An opening's border where half as many views disagree as further in.
 
     A hull's lid lies above the true one, so oblique views show the opening shifted on it: the region that any
-    view refutes is too wide.
+    view refutes is too wide. Cells of an `island` stay out.
     """
     depth = ndimage.distance_transform_edt(outline)
     belt = (depth > _BELT_CELLS) & (depth <= 2 * _BELT_CELLS)
     if not belt.any():
         return outline
     sharp = outline & ((share > np.median(share[belt]) / 2) | (depth > 2 * _BELT_CELLS))
-    sharp = ndimage.binary_opening(ndimage.binary_fill_holes(sharp), iterations=2)
+    sharp = ndimage.binary_opening(ndimage.binary_fill_holes(sharp) & ~island, iterations=2)
     labels, count = ndimage.label(sharp)
     if not count:
         return outline
