@@ -110,12 +110,19 @@ def test_features_separate_the_patches(folder: Path) -> None:
     assert inside > across + 0.5
 
 
-def test_two_colours_of_one_sphere_are_one_patch_in_every_view(folder: Path) -> None:
+def test_repaired_ids_mean_one_patch_of_the_sphere_or_a_half_that_one_view_shows(folder: Path) -> None:
     stage2(folder, "repaired", replace(FEATURES, repair=True))
     views, result = read_views(folder / "views.h5"), read_stage2(folder / "repaired.h5")
+    detected = read_masks(folder / "masks.h5").patches
     assert result.consistent
-    assert (result.patches == (views.alpha >= 128)).mean() > 0.999
-    np.testing.assert_allclose(np.linalg.norm(result.features, axis=1), 1, atol=1e-5)
+    assert ((result.patches > 0) == (views.alpha >= 128)).all()
+    shared = {1}  # geometry knows one patch; a clear step keeps the smaller half apart, in each view by another id
+    for view, ids in enumerate(result.patches):
+        own = set(np.unique(ids[ids > 1]).tolist())
+        assert not own & shared
+        shared |= own
+        kept = ids > 1
+        assert not kept.any() or (np.bincount(detected[view][kept]).max() > 0.97 * kept.sum())
 
 
 def test_masks_as_detected_where_no_repair_is_wanted(folder: Path) -> None:

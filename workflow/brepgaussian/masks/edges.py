@@ -21,9 +21,12 @@ _OFFSET_SCALE_PX = 0.3  # profiles farther off than that count less
 
 
 def edge_threshold(crop: Crop, radius: int, step: float) -> NDArray[np.float32]:
-    """(h, w) step strength from which a pixel is an edge: the noise-free threshold, or what noise hardly reaches."""
+    """(h, w) step strength from which a pixel is an edge: the noise-free threshold and what noise hardly reaches.
+
+    Both in quadrature: noise lifts what stays just below the noise-free threshold (shading, light from other faces).
+    """
     pixels = 0.5 * np.pi * radius**2
-    return np.maximum(step, _NOISE_FACTOR * noise_map(crop) * np.float32(np.sqrt(2 / pixels)))
+    return np.hypot(np.float32(step), _NOISE_FACTOR * noise_map(crop) * np.float32(np.sqrt(2 / pixels)))
 
 
 def suppress(strength: NDArray[np.float32], direction: NDArray[np.uint8]) -> NDArray[np.float32]:

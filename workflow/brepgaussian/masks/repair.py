@@ -19,6 +19,7 @@ from skimage.segmentation import watershed
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.masks.edges import classical_edges
+from brepgaussian.masks.keep import components, kept_regions
 from brepgaussian.masks.steps import Crop, crop, step_strength, without_shading
 
 _SMOOTHING = 8  # neighbours that a normal is averaged with
@@ -31,11 +32,11 @@ _CELL_STEP = 4.0  # grey levels: only clear edges bound a cell
 _CELL_LINE_PX = 3  # lines that wide leave no diagonal leaks
 _CELL_GAP = 1e5  # px, more than any image is wide
 _VOTERS = 5  # samples that decide a pixel's label, the nearest ones
-_MARGIN_SPACINGS = 1.5  # projected borders are off by up to so many sample spacings ...
+_MARGIN_SPACINGS = 1.0  # projected borders are off by up to so many sample spacings ...
 _MARGIN_PX = 2.0  # ... and so many pixels
 _WIDTH_SHARE = 0.5  # a marker keeps at least the inner part of a thin region's half width
 _RADIUS_PX = 2  # of the half-disks: small, borders are wanted sharp
-_PRIOR_STEP = 1.5  # grey levels: image steps below do not move a projected border
+_PRIOR_STEP = 3.0  # grey levels: image steps below do not move a projected border
 _PRIOR_NOISE = 1.0  # the same per standard deviation of the image noise
 _MINIMUM_SAMPLES = 3  # a label seen by fewer samples is not in the view
 
@@ -63,8 +64,12 @@ def repair(
     normals: NDArray[np.floating],
     label: NDArray[np.integer],
     threads: int = 1,
+    detected: NDArray[np.int16] | None = None,
 ) -> NDArray[np.int16]:
     """Project labelled surface samples into all views and let the image place the borders.
+
+    A detected region that lies clearly bounded within one label's projection is a face that the samples do not know:
+    it keeps an id of its own, which occurs in its view only.
 
     Args:
         views: images, silhouettes and cameras.
@@ -72,9 +77,11 @@ def repair(
         normals: (N, 3) outward unit normals.
         label: (N,) label per sample, negative = unlabelled (hides what lies behind, but marks nothing).
         threads: views worked on at the same time.
+        detected: (V, H, W) region ids as detected in each view, 0 = none.
 
     Returns:
-        (V, H, W) int16 patch ids: label + 1, 0 off the object; the same face has the same id in every view.
+        (V, H, W) int16 patch ids: label + 1, 0 off the object; the same face has the same id in every view. Larger
+        ids are regions of single views.
 
     Raises:
         StageError: no sample has a label.
@@ -84,14 +91,22 @@ def repair(
     samples = prepare(np.asarray(xyz, np.float64), np.asarray(normals, np.float64), np.asarray(label, np.int64))
     cv2.setNumThreads(threads)
     patches = np.zeros(views.alpha.shape, np.int16)
+    first = following = int(samples.label.max()) + 2
 
     def work(view: int) -> None:
         cut = crop(views.grey(view), views.alpha[view])
         if cut is not None:
-            patches[view] = cut.paste(_repair_view(views, view, cut, samples), views.alpha.shape[1:])
+            known = None if detected is None else detected[view][cut.box]
+            found = _repair_view(views, view, cut, samples, known, first)
+            patches[view] = cut.paste(found.astype(np.int16), views.alpha.shape[1:])
 
     with ThreadPoolExecutor(max(threads, 1)) as pool:
         list(pool.map(work, range(len(patches))))
+    for view in patches:  # ids of single views must not meet
+        own = view >= first
+        if own.any():
+            view[own] += following - first
+            following = int(view.max()) + 1
     return patches
 
 
@@ -110,18 +125,21 @@ def prepare(xyz: NDArray[np.float64], normals: NDArray[np.float64], label: NDArr
     return Samples(xyz, mean, label, spacing)
 
 
-def _repair_view(views: Views, view: int, cut: Crop, samples: Samples) -> NDArray[np.int16]:
+def _repair_view(
+    views: Views, view: int, cut: Crop, samples: Samples, detected: NDArray[np.int16] | None, first: int
+) -> NDArray[np.integer]:
     cells = edge_cells(cut)
     pixel, seen, spacing_px = visible_samples(views, view, cut, samples, cells)
     raw = projected_labels(pixel, samples.label[seen], cut.inside, cells)
     if not raw.any():
-        return np.zeros(cut.inside.shape, np.int16)
+        return raw
     margin = _MARGIN_PX + _MARGIN_SPACINGS * spacing_px
     markers, depth = eroded_markers(without_specks(raw, pixel, samples.label[seen]), margin)
-    strength = without_shading(step_strength(cut.grey, cut.inside, _RADIUS_PX)[0], _RADIUS_PX)
+    ridge = without_shading(step_strength(cut.grey, cut.inside, _RADIUS_PX)[0], _RADIUS_PX)
     prior = max(_PRIOR_STEP, _PRIOR_NOISE * cut.noise)
-    surface = strength + prior * np.clip(1 - depth / margin, 0, 1)
-    return np.asarray(watershed(surface, markers, mask=cut.inside), np.int16)
+    surface = ridge + prior * np.clip(1 - depth / margin, 0, 1)
+    patches = np.asarray(watershed(surface, markers, mask=cut.inside), np.int16)
+    return patches if detected is None else kept_regions(patches, detected, ridge, cut.noise, first)
 
 
 def edge_cells(cut: Crop) -> NDArray[np.int32]:
@@ -226,12 +244,12 @@ def without_specks(raw: NDArray[np.int32], pixel: NDArray[np.float64], label: ND
         raw: (h, w) int32 label + 1, 0 = off the object.
         pixel: (M, 2) positions of the visible samples; `label`: (M,) their labels.
     """
-    components, count = _components(raw)
+    part, count = components(raw)
     row, column = pixel[:, 1].astype(int), pixel[:, 0].astype(int)
     own = raw[row, column] == label + 1
-    support = np.bincount(components[row[own], column[own]], minlength=count + 1)
+    support = np.bincount(part[row[own], column[own]], minlength=count + 1)
     support[0] = _MINIMUM_SAMPLES
-    return np.where(support[components] >= _MINIMUM_SAMPLES, raw, -1).astype(np.int32)
+    return np.where(support[part] >= _MINIMUM_SAMPLES, raw, -1).astype(np.int32)
 
 
 def eroded_markers(raw: NDArray[np.int32], margin: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
@@ -257,21 +275,8 @@ def eroded_markers(raw: NDArray[np.int32], margin: float) -> tuple[NDArray[np.in
     if not border.any():
         return np.maximum(raw, 0), np.full(raw.shape, margin, np.float32)
     depth = np.asarray(cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-    components, count = _components(raw)
+    part, count = components(raw)
     deepest = np.zeros(count + 1, np.float32)
-    deepest[1:] = ndimage.maximum(depth, components, np.arange(1, count + 1))
-    needed = np.minimum(margin, _WIDTH_SHARE * deepest)[components]
+    deepest[1:] = ndimage.maximum(depth, part, np.arange(1, count + 1))
+    needed = np.minimum(margin, _WIDTH_SHARE * deepest)[part]
     return np.where((raw > 0) & (depth >= needed), raw, 0).astype(np.int32), depth
-
-
-def _components(raw: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
-    """Connected components of equal label: (h, w) int32 from 1 and their number."""
-    components = np.zeros(raw.shape, np.int32)
-    count = 0
-    for value, box in enumerate(ndimage.find_objects(raw), start=1):
-        if box is None:
-            continue
-        labels, found = ndimage.label(raw[box] == value)
-        components[box][labels > 0] = labels[labels > 0] + count
-        count += found
-    return components, count

@@ -28,7 +28,7 @@ class PointsSettings:
     nodes: int = setting(9000, "Points on which labels are computed; the others follow their neighbours.", minimum=200)
     neighbours: int = setting(12, "Neighbours of each node in the graph.", minimum=4, maximum=40)
     regions: str = setting(
-        "masks",
+        "stage2",
         "Patch ids that vote: the masks as detected, or as repaired by stage 2.",
         choices=("masks", "stage2"),
     )

@@ -70,7 +70,7 @@ def train_stage2(
             "has no view with two patch regions", file=masks_path, fix="check the masks stage's result for this object"
         )
     features = learn(samples, len(surfels.centers), settings)
-    features = fill_unseen(features, samples, surfels)
+    features = fill_unseen(as_seen(features, samples), samples, surfels)
     Stage2(features, patches, settings.repair).write(out_h5, provenance)
 
 
@@ -94,7 +94,7 @@ def repaired(
     """
     found = label_surfels(views, patches, surfels, evidence, PointsSettings(seed=settings.seed))
     logger.info("provisional patches: %d", int(found.label.max()) + 1)
-    return repair(views, found.samples.xyz, found.samples.normals, found.label, threads)
+    return repair(views, found.samples.xyz, found.samples.normals, found.label, threads, patches)
 
 
 def learn(samples: list[Samples], count: int, settings: Stage2Settings) -> NDArray[np.float32]:
@@ -116,6 +116,18 @@ def learn(samples: list[Samples], count: int, settings: Stage2Settings) -> NDArr
         if step % len(samples) == 0:
             logger.debug("epoch %d: loss %.4f", step // len(samples), value)
     return normalised(features)[0]
+
+
+def as_seen(features: NDArray[np.float32], samples: list[Samples]) -> NDArray[np.float32]:
+    """Give each surfel the mean of the rendered features of the samples that it shows in, by its share in them.
+
+    The loss binds only what several surfels show together: one alone may point anywhere.
+    """
+    total, seen = np.zeros_like(features), np.zeros(len(features))
+    for sample in samples:
+        total += sample.weights.T @ normalised(sample.weights @ features)[0]
+        seen += np.asarray(sample.weights.sum(axis=0)).ravel()
+    return normalised(np.where(seen[:, None] > _SEEN, total, features).astype(np.float32))[0]
 
 
 def fill_unseen(features: NDArray[np.float32], samples: list[Samples], surfels: Surfels) -> NDArray[np.float32]:
