@@ -9,6 +9,8 @@ from brepgaussian.artifacts.primitives import Primitive, Primitives
 from brepgaussian.brep.damage import damaged
 from brepgaussian.brep.ladder import climb, make_job
 from brepgaussian.brep.polish import badness
+from brepgaussian.brep.refine.accept import Acceptance
+from brepgaussian.brep.refine.refinement import better
 from brepgaussian.brep.worker import Worker
 from brepgaussian.geometry.surfaces import cone
 from brepgaussian.primitives.stage import primitives_of
@@ -84,3 +86,17 @@ def test_badness_is_in_units_of_the_limits():
     assert badness(at_limit, SETTINGS) == pytest.approx(2)
     assert badness({"silhouette_px": 0.0, "mask_iou": 1.0}, SETTINGS) == 0
     assert badness({"silhouette_px": None, "mask_iou": 1.0}, SETTINGS) == float("inf")
+
+
+@pytest.mark.parametrize(
+    ("after", "expected"),
+    [
+        ((0.05, 0.9990, True), True),  # accepted now
+        ((0.119, 0.9995, False), False),  # the masks gain, the worst edge loses
+        ((0.104, 0.9995, False), True),
+        ((0.05, 0.9980, False), False),  # the other way round
+        ((float("nan"), 0.9995, False), True),
+    ],
+)
+def test_short_of_acceptance_no_figure_may_get_clearly_worse(after, expected):
+    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, False)) is expected

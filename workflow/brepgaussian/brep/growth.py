@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from brepgaussian.brep.benchmark import Case, run_case, truth_of, write_csv
+from brepgaussian.brep.benchmark import COLUMNS, Case, run_case, truth_of, write_csv
 from brepgaussian.brep.worker import Worker
-from brepgaussian.log import setup
+from brepgaussian.log import get_logger, setup
 from brepgaussian.settings.brep import BrepSettings
 from brepgaussian.threads import bind
 
@@ -58,6 +58,7 @@ def growth_rows(
                 truth, views = truth_of(make(count).wrapped, f"{name}_{count}")
                 case = Case(f"{name}_{count}", SIGMA, 0.01, "none", seed)
                 rows.append(run_case(case, truth, views, worker, settings or BrepSettings(), GROUP))
+                get_logger("brep").warning("%s", " ".join(str(rows[-1][c]) for c in COLUMNS))
     return rows
 
 
@@ -70,10 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     bind(1)
     setup(level=30)
-    rows = growth_rows(options.holes, options.fins)
-    write_csv(rows, options.out)
-    for row in rows:
-        print(*(row[k] for k in ("object", "primitives", "faces", "faces_truth", "topology_match", "seconds", "rung")))
+    write_csv(growth_rows(options.holes, options.fins), options.out)
 
 
 if __name__ == "__main__":

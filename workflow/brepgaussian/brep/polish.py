@@ -148,9 +148,11 @@ def _rebuilt(
 
 def _as_good(test: Any, result: Any, same: bool) -> bool:
     """Whether a rebuilt solid is what the refinement meant; another topology must convince by the images."""
+    from brepgaussian.brep.refine.refinement import better
+
     if same:
         lost = result.accepted and not test.accepted
-        return not lost and test.mask_iou > result.mask_iou - _IOU_SLACK
+        return not lost and test.mask_iou > result.mask_iou - _IOU_SLACK and better(test, result.before)
     if test.accepted != result.before.accepted:
         return bool(test.accepted)
     return bool(test.mask_iou > result.before.mask_iou and not test.silhouette_px > result.before.silhouette_px)

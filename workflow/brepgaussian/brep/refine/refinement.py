@@ -164,7 +164,7 @@ def _refine(
     )
     run, _ = _descend(run, ties, _WINDOWS[-1:], freed)
     after = run.test(settings)
-    kept = _better(after, before)
+    kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
         "kept": kept,
@@ -257,7 +257,7 @@ def _with_twins(structure: Structure, before: Sequence[Surface], run: _Run) -> t
     return tuple(result)
 
 
-def _better(after: Acceptance, before: Acceptance) -> bool:
+def better(after: Acceptance, before: Acceptance) -> bool:
     """Whether the test likes the result better than the start.
 
     Acceptance decides. Short of it, no figure may get clearly worse: an edge that few samples show in few views may
