@@ -118,3 +118,11 @@ def test_what_no_camera_can_see_is_unobserved(channel):
     points = np.array([[0.5, 0.45, 0.5], [0.5, 0.45, 1.0]])
     normals = np.array([[0, 0, 1.0], [0, 0, 1.0]])
     np.testing.assert_array_equal(unobserved(views, scene, points, normals, 0.001), [True, False])
+
+
+def test_more_samples_than_opencv_maps_have_rows():
+    from brepgaussian.splatting.evidence.edgels import _at
+
+    image = np.random.default_rng(3).random((50, 40), np.float32)
+    x, y = np.arange(70_000) % 39 + 0.0, np.arange(70_000) % 49 + 0.0
+    assert np.array_equal(_at(image, x, y), image[y.astype(int), x.astype(int)])

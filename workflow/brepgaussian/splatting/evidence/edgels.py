@@ -69,7 +69,16 @@ def find_edgels(luminance: NDArray[np.float32], alpha: NDArray[np.uint8], least_
     return Edgels(points.astype(np.float64), unit.astype(np.float64), nearest)
 
 
+_MOST_ROWS = 30_000  # OpenCV's maps end at 32767 rows
+
+
 def _at(image: NDArray[np.float32], x: Array, y: Array) -> NDArray[np.float32]:
     """(N,) bilinear samples."""
-    found = cv2.remap(image, x.astype(np.float32)[:, None], y.astype(np.float32)[:, None], cv2.INTER_LINEAR)
-    return np.asarray(found[:, 0], np.float32)
+    x, y = x.astype(np.float32), y.astype(np.float32)
+    if not len(x):
+        return np.zeros(0, np.float32)
+    parts = [
+        cv2.remap(image, x[k : k + _MOST_ROWS, None], y[k : k + _MOST_ROWS, None], cv2.INTER_LINEAR)
+        for k in range(0, len(x), _MOST_ROWS)
+    ]
+    return np.asarray(np.concatenate(parts)[:, 0], np.float32)
