@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 
 Array = NDArray[np.float64]
 
@@ -33,10 +33,7 @@ class PlanarRegion:
 
     def lattice(self, vertices: Array, triangles: NDArray[np.int64], pitch: float) -> Lattice:
         """A lattice over the bounding rectangle of the region."""
-        helper = np.eye(3)[int(np.argmin(np.abs(self.normal)))]
-        first = np.cross(helper, self.normal)
-        first /= np.linalg.norm(first)
-        second = np.cross(self.normal, first)
+        first, second = plane_axes(self.normal)
         points = vertices[triangles[self.triangles]].reshape(-1, 3)
         flat = np.column_stack([points @ first, points @ second])
         low, high = flat.min(axis=0), flat.max(axis=0)
@@ -129,10 +126,7 @@ def _refit(
 
 def _curved(normal: Array, normals: Array, centers: Array, areas: Array) -> bool:
     """Whether the normals turn steadily along the region, as on a cylinder."""
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = np.cross(helper, normal)
-    first /= np.linalg.norm(first)
-    axes = np.column_stack([first, np.cross(normal, first)])
+    axes = np.column_stack(plane_axes(normal))
     weights = areas / areas.sum()
     where = centers @ axes - weights @ (centers @ axes)  # (N, 2)
     turn = normals @ axes - weights @ (normals @ axes)

@@ -12,6 +12,13 @@ Array = NDArray[np.float64]
 _SMOOTH_CELLS = 1.5  # an outline of cells is a staircase, a wall is not
 
 
+def plane_axes(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors (3,) that make a right-handed frame with a unit normal (3,)."""
+    first = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
 @dataclass(frozen=True)
 class Lattice:
     """A square lattice on a plane.

@@ -18,7 +18,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.contours import chords_in, contour_rays
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
@@ -113,10 +113,7 @@ def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
 
 def _cuts(field: Field, origin: Array, spacing: float, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
     """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = np.cross(helper, normal)
-    first /= np.linalg.norm(first)
-    second = np.cross(normal, first)
+    first, second = plane_axes(normal)
     corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
     corners = corners @ np.stack([first, second, normal]).T
     low, high = corners.min(axis=0), corners.max(axis=0)

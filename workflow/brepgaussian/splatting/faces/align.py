@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.splatting.concave.prism import plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.faces.candidates import Candidate
 
@@ -44,10 +45,7 @@ class Stack:
         self.cameras = cameras
         self.views = _spread(sorted(candidate.regions))
         self.normal, self.origin = _mean_plane(candidate)
-        helper = np.eye(3)[int(np.argmin(np.abs(self.normal)))]
-        self.first = np.cross(helper, self.normal)
-        self.first /= np.linalg.norm(self.first)
-        self.second = np.cross(self.normal, self.first)
+        self.first, self.second = plane_axes(self.normal)
         self.distance = [_border_distance(patches[v], candidate.regions[v]) for v in self.views]
 
     def sample(self, points: Array, rows: NDArray[np.int64]) -> Array:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.faces.align import Aligned, Stack
 from brepgaussian.splatting.faces.candidates import Candidate
@@ -130,10 +130,7 @@ def _is_level(
 
 
 def _lattice(candidate: Candidate, aligned: Aligned, pitch: float) -> Lattice:
-    helper = np.eye(3)[int(np.argmin(np.abs(aligned.normal)))]
-    first = np.cross(helper, aligned.normal)
-    first /= np.linalg.norm(first)
-    second = np.cross(aligned.normal, first)
+    first, second = plane_axes(aligned.normal)
     flat = np.column_stack([candidate.points @ first, candidate.points @ second])
     low, high = flat.min(axis=0), flat.max(axis=0)
     pitch = max(pitch, float((high - low).max()) / _MOST_CELLS)

@@ -9,6 +9,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.sweep import subtract
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import candidates
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
@@ -84,20 +85,11 @@ def _same(face: Face, other: Face, spacing: float) -> bool:
 
 
 def _carve(field: Field, origin: Array, spacing: float, faces: list[Face]) -> Field:
-    """The field without what stands above the faces, each within its own box."""
-    carved = field.copy()
+    """The field without what stands above the faces."""
+    carved = field
     for face in faces:
         height = face.bulge + _SLACK_CELLS * spacing
-        above = Prism(face.lattice, face.outline, 0.0, False, 0.0)
-        corners = face.lattice.centers()[[0, 0, -1, -1], [0, -1, 0, -1]]
-        box = np.concatenate([corners, corners + height * face.lattice.normal])
-        low = np.clip(np.floor((box.min(axis=0) - origin) / spacing).astype(int) - 1, 0, None)
-        high = np.minimum(np.ceil((box.max(axis=0) - origin) / spacing).astype(int) + 2, field.shape)
-        part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-        steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
-        points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        outside = above.signed_distance(points, height).reshape(carved[part].shape)
-        carved[part] = np.minimum(carved[part], outside)
+        carved = subtract(carved, origin, spacing, Prism(face.lattice, face.outline, 0.0, False, 0.0), height)
     return carved
 
 
