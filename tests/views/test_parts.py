@@ -1,5 +1,7 @@
 """Bundled parts: valid single solids, reproducible, varied by the seed."""
 
+import math
+
 import pytest
 from brepgaussian.errors import InputError
 from brepgaussian.views.parts import HOLDOUT, PARTS, build_part, parse_part
@@ -28,15 +30,55 @@ def test_a_seed_is_reproducible():
 
 
 def test_a_block_with_a_hole_has_the_volume_of_the_formula():
-    import math
-
     assert build_part("block_hole").volume == pytest.approx(60 * 40 * 30 - math.pi * 10**2 * 30, rel=1e-9)
+
+
+def test_face_kinds_are_the_five_that_primitives_know():
+    known = {"PLANE", "CYLINDER", "CONE", "SPHERE", "TORUS"}
+    for name in PARTS:
+        assert set(types(build_part(name))) <= known, name
+
+
+MACHINE = [name for name, info in PARTS.items() if info.module == "machine"]
+
+
+@pytest.mark.parametrize("name", MACHINE)
+def test_machine_parts_are_of_moderate_complexity(name):
+    solid = build_part(name)
+    assert 6 <= len(solid.faces()) <= 30
+    assert max(solid.bounding_box().size) < 8 * min(solid.bounding_box().size)
+
+
+def frustum(a, b, height):
+    """Volume of a cone cut off, radii a and b."""
+    return math.pi * height * (a * a + a * b + b * b) / 3
+
+
+def test_a_pulley_has_the_volume_of_its_rings():
+    rim = math.pi * (36**2 - 23**2) * 22
+    groove = 2 * frustum(36, 28, 4.5) + math.pi * 28**2 * 5 - math.pi * 36**2 * 14
+    web, hub = math.pi * (23**2 - 13**2) * 6, math.pi * (13**2 - 7**2) * 29
+    assert build_part("v_pulley").volume == pytest.approx(rim + groove + web + hub, rel=1e-9)
+
+
+def test_a_t_nut_has_the_volume_of_the_formula():
+    section = 42 * 12 - 4 * 4 + 22 * 12
+    hole = math.pi * 6**2 * (24 - 1.8) + frustum(6, 7.8, 1.8)
+    assert build_part("t_nut").volume == pytest.approx(section * 36 - hole, rel=1e-9)
+
+
+def test_a_step_bracket_has_the_volume_of_the_formula():
+    step = 72 * 0.42
+    slot = (24 - 8) * 8 + math.pi * 4**2
+    corners = 2 * (9**2 - math.pi * 9**2 / 4)
+    low, high = ((72 - step) * 44 - slot - corners) * 12, step * 44 * 30 - math.pi * 6**2 * 17
+    assert build_part("step_bracket").volume == pytest.approx(low + high, rel=1e-9)
 
 
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) >= 24
+    assert len(PARTS) == 38
     assert len(held_out) * 3 >= len(PARTS)
 
 

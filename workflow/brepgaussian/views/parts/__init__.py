@@ -52,23 +52,36 @@ PARTS: dict[str, PartInfo] = {
     "polyhedron": PartInfo("prismatic", "planes in general position", TUNED),
     "oblique_hole": PartInfo("prismatic", "a cylinder oblique to its planes: elliptic edges", TUNED),
     "slotted_ring": PartInfo("turned", "a cylinder cut open: partial arcs", TUNED),
-    "cross_tee": PartInfo("turned", "cylinder meets cylinder: space curves", HOLDOUT),
+    "cross_tee": PartInfo("turned", "cylinder meets cylinder: space curves", TUNED),
+    "heat_sink": PartInfo("prismatic", "many thin parallel walls and deep gaps", TUNED),
+    "o_ring_gland": PartInfo("turned", "narrow annular grooves", TUNED),
+    "pillow_block": PartInfo("prismatic", "a cylinder tangent to two walls over a wide foot", TUNED),
+    "wedge_clamp": PartInfo("prismatic", "an inclined plane cut by a slot", TUNED),
+    "cup": PartInfo("turned", "a hollow with a thin conical wall", TUNED),
+    "gusset": PartInfo("prismatic", "a thin rib in a corner, edges that meet in mid-face", TUNED),
+    "d_shaft": PartInfo("turned", "a flat on a cylinder and a cross hole", TUNED),
+    "knob": PartInfo("turned", "a spherical cap, a cone and a blind hole", TUNED),
     "v_block": PartInfo("prismatic", "oblique walls over a narrow slot", HOLDOUT),
     "dovetail": PartInfo("prismatic", "an undercut", HOLDOUT),
     "keyed_hub": PartInfo("turned", "a keyway that breaks a bore", HOLDOUT),
-    "heat_sink": PartInfo("prismatic", "many thin parallel walls and deep gaps", HOLDOUT),
     "countersink_plate": PartInfo(
         "prismatic", "countersinks (cones into cylinders) and a slot with round ends", HOLDOUT
     ),
-    "o_ring_gland": PartInfo("turned", "narrow annular grooves", HOLDOUT),
-    "pillow_block": PartInfo("prismatic", "a cylinder tangent to two walls over a wide foot", HOLDOUT),
-    "wedge_clamp": PartInfo("prismatic", "an inclined plane cut by a slot", HOLDOUT),
-    "cup": PartInfo("turned", "a hollow with a thin conical wall", HOLDOUT),
     "bearing_race": PartInfo("turned", "a shallow torus between cylinders, small chamfers", HOLDOUT),
-    "gusset": PartInfo("prismatic", "a thin rib in a corner, edges that meet in mid-face", HOLDOUT),
-    "d_shaft": PartInfo("turned", "a flat on a cylinder and a cross hole", HOLDOUT),
     "link_rod": PartInfo("turned", "walls tangent to two cylinders", HOLDOUT),
-    "knob": PartInfo("turned", "a spherical cap, a cone and a blind hole", HOLDOUT),
+    "step_bracket": PartInfo(
+        "machine", "a slot with round ends, a blind hole and rounded corners on two steps", HOLDOUT
+    ),
+    "v_pulley": PartInfo("machine", "a V groove of cones and a thin web recessed on both sides", HOLDOUT),
+    "hinge_leaf": PartInfo("machine", "a thin wall tangent to a bored barrel, countersunk holes", HOLDOUT),
+    "bearing_cap": PartInfo("machine", "half a bore with an inner groove over an open base", HOLDOUT),
+    "clevis_fork": PartInfo("machine", "two cheeks with round ends, a cross bore, a blind hole in a shank", HOLDOUT),
+    "t_nut": PartInfo("machine", "small bevels, an undercut under shoulders, one chamfered bore", HOLDOUT),
+    "flanged_bushing": PartInfo("machine", "a rounded shoulder, chamfers and a hole through a curved wall", HOLDOUT),
+    "ribbed_base": PartInfo("machine", "thin ribs that run into a cylinder, a deep blind bore", HOLDOUT),
+    "hex_bolt": PartInfo(
+        "machine", "cone against planes in hyperbolas on one side, coaxial steps on the other", HOLDOUT
+    ),
 }
 
 
