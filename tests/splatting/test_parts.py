@@ -8,7 +8,7 @@ import pytest
 import torch
 from brepgaussian.errors import ToolError
 from brepgaussian.splatting import build
-from brepgaussian.splatting.benchmark import COLUMNS, camera_at, measure_cpu, sphere
+from brepgaussian.splatting.benchmark import COLUMNS, camera_at, measure_cpu, measure_torch, sphere
 from brepgaussian.splatting.camera import RenderOptions
 from brepgaussian.splatting.contrastive import LOSSES, normalised, positives, through_normalisation
 from brepgaussian.splatting.densify import Statistics, densify
@@ -124,5 +124,12 @@ def test_failing_compiler_leaves_nothing_behind(tmp_path: Path, monkeypatch: pyt
 
 
 def test_benchmark_row_has_every_column() -> None:
-    row = measure_cpu(200, 100, 1, 1000.0).csv()
-    assert len(row.split(",")) == len(COLUMNS)
+    row = measure_cpu(200, 100, 1, 1000.0)
+    assert len(row.csv().split(",")) == len(COLUMNS)
+
+
+@pytest.mark.parametrize("side", [100, 160])
+def test_benchmark_pixels_are_the_side_of_the_image(side: int) -> None:
+    rows = [measure_cpu(200, side, 1, None), measure_torch("reference", 200, side, 1)]
+    assert [row.pixels for row in rows] == [side, side]
+    assert camera_at(side).width < side  # what is rendered is the object's crop

@@ -26,7 +26,17 @@ _COVER = 0.6  # standard deviation of a surfel in mean distances between surfels
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table; times in milliseconds, `ratio_to_reference` of forward + backward, or empty."""
+    """One row of the table; empty where a figure does not exist.
+
+    Attributes:
+        backend: `reference`, `cpu` or `cuda`.
+        threads: CPU threads.
+        surfels: their number.
+        pixels: side of the square image in px, before it is cropped to the object as in training.
+        forward_ms: rendering; `backward_ms` its gradients; `loss_ms` losses and their gradients.
+        step_ms: a training step: rendering, losses, gradients and Adam.
+        ratio_to_reference: the reference's forward + backward over this backend's.
+    """
 
     backend: str
     threads: int
@@ -101,7 +111,7 @@ def measure_cpu(count: int, size: int, threads: int, reference_ms: float | None)
     backward = measure(lambda: raster.backward(cloud, planes, gradients))
     loss = measure(lambda: plane_gradients(planes, target, _WEIGHTS, threads))
     ratio = reference_ms / (forward + backward) if reference_ms else None
-    return Row("cpu", threads, count, camera.width**2, forward, backward, loss, measure(step), ratio)
+    return Row("cpu", threads, count, size, forward, backward, loss, measure(step), ratio)
 
 
 def measure_torch(backend: str, count: int, size: int, threads: int) -> Row:
@@ -134,7 +144,7 @@ def measure_torch(backend: str, count: int, size: int, threads: int) -> Row:
     with torch.no_grad():
         ahead = measure(forward, repeats)
     total = measure(both, repeats)
-    return Row(backend, threads, count, camera.width**2, ahead, max(total - ahead, 0.0), None, None, None)
+    return Row(backend, threads, count, size, ahead, max(total - ahead, 0.0), None, None, None)
 
 
 def run(
@@ -149,7 +159,7 @@ def run(
     Args:
         out_csv: where the table goes.
         counts: numbers of surfels.
-        sizes: widths of the whole image in px; `pixels` in the table counts those of the crop.
+        sizes: sides of the square image in px: the column `pixels`.
         threads: CPU threads.
         reference: also measure the torch reference (up to 10,000 surfels at 400 px) and the ratios to it.
     """
