@@ -27,4 +27,6 @@ class Stage2Settings:
     min_patch_px: int = setting(40, "Smaller mask regions give no samples.", unit="px", minimum=1)
     border_px: float = setting(2.0, "No samples nearer to a region's border.", unit="px", minimum=0.0)
     rate: float = setting(0.05, "Adam's rate for features.", minimum=0.0)
-    device: str = setting("auto", "Where to render; never silently replaced.", choices=("auto", "cpu", "cuda"))
+    device: str = setting(
+        "auto", "Where weights are computed, once; there is no GPU code for it.", choices=("auto", "cpu")
+    )

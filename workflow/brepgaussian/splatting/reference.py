@@ -14,18 +14,28 @@ _BLOCK = 32  # pixels along a block's side: surfels x pixels of one block are he
 
 
 @dataclass(frozen=True)
-class _Screen:
-    """Surfels in the camera frame, near to far: what one block's pixels need."""
+class Screen:
+    """The surfels that a view can show, in the camera frame, near to far.
 
-    p: Tensor  # (N, 3) centres
-    a: Tensor  # (N, 3) t_u / s_u
-    b: Tensor  # (N, 3) t_v / s_v
-    n: Tensor  # (N, 3) normals towards the camera
-    center: Tensor  # (N, 2) projected centre, px
-    opacity: Tensor  # (N,)
-    rho_max: Tensor  # (N,) squared radius at which alpha falls to the cut-off
-    reach: Tensor  # (N, 4) box in px: x low, y low, x high, y high
-    channels: Tensor  # (N, C)
+    Attributes:
+        p: (N, 3) centres; `u`, `v` (N, 3) the disk's axes, a standard deviation long; `n` (N, 3) normals towards the
+            camera.
+        center: (N, 2) projected centre, px.
+        opacity: (N,).
+        rho_max: (N,) squared radius at which alpha falls to the cut-off.
+        reach: (N,) half a box around `center` that holds all of the surfel, px.
+        channels: (N, C).
+    """
+
+    p: Tensor
+    u: Tensor
+    v: Tensor
+    n: Tensor
+    center: Tensor
+    opacity: Tensor
+    rho_max: Tensor
+    reach: Tensor
+    channels: Tensor
 
 
 def rotation_matrices(quaternions: Tensor) -> Tensor:
@@ -41,7 +51,7 @@ def rotation_matrices(quaternions: Tensor) -> Tensor:
 
 def planes(surfels: SurfelTensors, camera: Camera, options: RenderOptions) -> Tensor:
     """Raw planes of a view; see `render.PlaneFunction`."""
-    screen = _project(surfels, camera, options)
+    screen = project(surfels, camera, options)
     rows = []
     for y in range(0, camera.height, _BLOCK):
         blocks = []
@@ -52,7 +62,8 @@ def planes(surfels: SurfelTensors, camera: Camera, options: RenderOptions) -> Te
     return torch.cat(rows, dim=1)
 
 
-def _project(surfels: SurfelTensors, camera: Camera, options: RenderOptions) -> _Screen:
+def project(surfels: SurfelTensors, camera: Camera, options: RenderOptions) -> Screen:
+    """Leave out what a view cannot show, project the rest and sort it by depth."""
     like: dict[str, Any] = {"dtype": surfels.centers.dtype, "device": surfels.centers.device}
     pose = torch.as_tensor(camera.cam_from_unit, **like)
     p = surfels.centers @ pose[:3, :3].T + pose[:3, 3]
@@ -78,12 +89,11 @@ def _project(surfels: SurfelTensors, camera: Camera, options: RenderOptions) -> 
     nearest = (p[:, 2].detach() - radius).clamp_min(1e-9)
     # Half a ball's picture: its radius seen at its nearest depth, plus the shift of an off-axis centre.
     off_axis = 1 + (p[:, :2].abs() / p[:, 2:]).amax(1).detach()
-    half = torch.maximum(focal.max() * radius * off_axis / nearest, low_pass) + 1
-    reach = torch.cat([center.detach() - half[:, None], center.detach() + half[:, None]], dim=1)
-    return _Screen(
+    reach = torch.maximum(focal.max() * radius * off_axis / nearest, low_pass) + 1
+    return Screen(
         p=p,
-        a=tu / surfels.scales[order, :1],
-        b=tv / surfels.scales[order, 1:],
+        u=tu * surfels.scales[order, :1],
+        v=tv * surfels.scales[order, 1:],
         n=n,
         center=center,
         opacity=surfels.opacities[order],
@@ -93,11 +103,11 @@ def _project(surfels: SurfelTensors, camera: Camera, options: RenderOptions) -> 
     )
 
 
-def _block(screen: _Screen, camera: Camera, options: RenderOptions, box: tuple[int, int, int, int]) -> Tensor:
+def _block(screen: Screen, camera: Camera, options: RenderOptions, box: tuple[int, int, int, int]) -> Tensor:
     """Composite one block of pixels: (planes, rows, columns)."""
     x0, y0, x1, y1 = box
-    reach = screen.reach
-    near = (reach[:, 0] < x1) & (reach[:, 1] < y1) & (reach[:, 2] > x0) & (reach[:, 3] > y0)
+    low, high = screen.center.detach() - screen.reach[:, None], screen.center.detach() + screen.reach[:, None]
+    near = (low[:, 0] < x1) & (low[:, 1] < y1) & (high[:, 0] > x0) & (high[:, 1] > y0)
     like: dict[str, Any] = {"dtype": screen.p.dtype, "device": screen.p.device}
     ys, xs = torch.meshgrid(torch.arange(y0, y1, **like), torch.arange(x0, x1, **like), indexing="ij")
     pixels = torch.stack([xs.reshape(-1), ys.reshape(-1)], dim=1) + 0.5  # (P, 2)
@@ -108,7 +118,8 @@ def _block(screen: _Screen, camera: Camera, options: RenderOptions, box: tuple[i
         [(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, torch.ones_like(pixels[:, 0])],
         dim=1,
     )  # (P, 3), z = 1
-    p, a, b, n = screen.p[near], screen.a[near], screen.b[near], screen.n[near]
+    p, u_axis, v_axis, n = screen.p[near], screen.u[near], screen.v[near], screen.n[near]
+    a, b = u_axis / (u_axis**2).sum(1, keepdim=True), v_axis / (v_axis**2).sum(1, keepdim=True)
     # Ray meets plane: z = n.p / n.d; u and v are the hit's coordinates on the disk, in standard deviations.
     slope = n @ rays.T  # (S, P)
     meets = slope < 0

@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting import cuda
+from brepgaussian.splatting.camera import Camera, RenderOptions
 from brepgaussian.splatting.engine import COVERED, LossWeights, Step
 from brepgaussian.splatting.library import Cloud, Floats
 from brepgaussian.splatting.losses import distortion, dssim, edge_loss, normal_consistency
@@ -43,16 +44,22 @@ def training_step_torch(
 ) -> Step:
     """Render a view with a backend, compare it with its target, and differentiate.
 
-    The gradient of the projected centre is taken from that of the centre; every surfel counts as seen whose
-    opacity has a gradient.
+    Every surfel counts as seen, with a weight of 1, whose opacity has a gradient.
     """
-    device = "cuda" if backend == "cuda" else "cpu"
+    device = cuda.load()[1] if backend == "cuda" else "cpu"
     leaves = [torch.tensor(a, device=device, requires_grad=True) for a in cloud.arrays()]
     surfels = SurfelTensors(leaves[0], leaves[1], leaves[2], leaves[3], leaves[4][:, :-1], leaves[4][:, -1])
     planes = import_module(f"brepgaussian.splatting.{BACKENDS[backend]}").planes(surfels, target.camera, options)
     total, losses = plane_losses(planes, target, weights)
     grads = torch.autograd.grad(total, leaves, materialize_grads=True)
     gradients = Cloud(*(np.ascontiguousarray(g.cpu().numpy()) for g in grads))
-    scale = target.camera.z_reference / target.camera.fx  # unit-frame length of a pixel
-    screen = np.ascontiguousarray(gradients.centers[:, :2] * scale)
+    screen = screen_gradients(cloud.centers, gradients.centers, target.camera)
     return Step(gradients, screen, (gradients.opacities != 0).astype(np.float32), losses)
+
+
+def screen_gradients(centers: Floats, gradients: Floats, camera: Camera) -> Floats:
+    """(N, 2) gradients of the projected centres in px: of a shift across the view that moves them by a pixel."""
+    pose = camera.cam_from_unit
+    depth = centers @ pose[2, :3] + pose[2, 3]
+    across = gradients @ pose[:2, :3].T
+    return np.ascontiguousarray(across * (depth[:, None] / [camera.fx, camera.fy]), np.float32)
