@@ -5,7 +5,7 @@ gsplat sorts, composites and differentiates; surfels are projected here, by the 
 
 * It gives a surfel its centre's depth in all its pixels. Here depth is carried as an affine function of the pixel, and
   its square as the square of that: exact but for the second order of perspective within one surfel.
-* Its screen-space filter cannot be turned off, but is a distance to a point that the caller gives: a far one never counts.
+* Its screen-space filter cannot be turned off. It is a distance to a point that the caller gives: a far one is idle.
 * It fills up channels with whatever is in memory, which can make gradients NaN: channels come filled up with zeros.
 * It takes a median for the last surfel of a pixel that never becomes half opaque: there the median depth is 0.
 

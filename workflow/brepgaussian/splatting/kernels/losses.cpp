@@ -24,6 +24,8 @@ const Kernel kernel;
 // Separable Gaussian blur with zeros outside; rows in parallel, any thread count gives the same bits.
 void blur(const float* in, float* scratch, float* out, int width, int height, int threads) {
     const int padded = width + 2 * HALF;
+    float tap[WINDOW];  // a local copy: no store below can change it, so that the loops over x become vectors
+    std::copy(kernel.tap, kernel.tap + WINDOW, tap);
 #pragma omp parallel num_threads(threads)
     {
         std::vector<float> line(padded, 0.0f);
@@ -32,21 +34,32 @@ void blur(const float* in, float* scratch, float* out, int width, int height, in
             std::copy(in + int64_t(y) * width, in + int64_t(y + 1) * width, line.begin() + HALF);
             float* row = scratch + int64_t(y) * width;
             const float* source = line.data();
+#pragma omp simd
             for (int x = 0; x < width; ++x) {
                 float value = 0;
-                for (int k = 0; k < WINDOW; ++k) value += kernel.tap[k] * source[x + k];
+                for (int k = 0; k < WINDOW; ++k) value += tap[k] * source[x + k];
                 row[x] = value;
             }
         }
 #pragma omp for schedule(static)
         for (int y = 0; y < height; ++y) {
             float* row = out + int64_t(y) * width;
-            std::fill(row, row + width, 0.0f);
-            for (int k = 0; k < WINDOW; ++k) {
-                const int from = y + k - HALF;
-                if (from < 0 || from >= height) continue;
-                const float* source = scratch + int64_t(from) * width;
-                for (int x = 0; x < width; ++x) row[x] += kernel.tap[k] * source[x];
+            const int first = std::max(0, HALF - y), last = std::min(WINDOW, height + HALF - y);
+            const float* source = scratch + int64_t(y - HALF) * width;
+            if (last - first == WINDOW) {
+#pragma omp simd
+                for (int x = 0; x < width; ++x) {
+                    float value = 0;
+                    for (int k = 0; k < WINDOW; ++k) value += tap[k] * source[k * width + x];
+                    row[x] = value;
+                }
+            } else {
+#pragma omp simd
+                for (int x = 0; x < width; ++x) {
+                    float value = 0;
+                    for (int k = first; k < last; ++k) value += tap[k] * source[k * width + x];
+                    row[x] = value;
+                }
             }
         }
     }
@@ -67,7 +80,8 @@ extern "C" {
 double bg_dssim(const float* x, const float* y, float* gradient, int width, int height, int stride, float weight,
                 int threads) {
     const int64_t size = int64_t(stride) * height;
-    std::vector<float> buffer(size * 9);
+    static thread_local std::vector<float> buffer;  // kept: fresh pages cost more than the arithmetic on them
+    buffer.resize(std::max<size_t>(buffer.size(), size * 9));
     float* maps[9];
     for (int k = 0; k < 9; ++k) maps[k] = buffer.data() + k * size;
     float *mx = maps[0], *my = maps[1], *xx = maps[2], *yy = maps[3], *xy = maps[4];
@@ -156,7 +170,9 @@ double bg_normal_consistency(const float* n, const float* m1, const float* alpha
                              int64_t plane, int width, int height, int stride, float fx, float fy, float cx, float cy,
                              float z_reference, float covered, float weight, int threads) {
     std::vector<double> rows(height, 0.0);
-    std::vector<float> g_local(plane * 4, 0.0f);
+    static thread_local std::vector<float> buffer;  // kept, as in bg_dssim
+    buffer.assign(plane * 4, 0.0f);
+    float* const g_local = buffer.data();
     const float scale = weight / (float(width) * height);
     const auto depth = [&](int64_t i) { return z_reference + m1[i] / alpha[i]; };
 #pragma omp parallel for schedule(static) num_threads(threads)
