@@ -1,7 +1,13 @@
-"""The cuda backend against the reference: with gsplat's kernels on a GPU, and with a stand-in for them everywhere."""
+"""The cuda backend against the reference.
+
+With a stand-in for gsplat everywhere; where gsplat is installed, with its kernels compiled for the CPU; on a GPU where
+there is one.
+"""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import gsplat_on_cpu
 import gsplat_stand_in
 import numpy as np
 import pytest
@@ -20,10 +26,21 @@ DEVICE = pytest.mark.skipif(not cuda.is_available(), reason="no CUDA device, or 
 BOTH_SIDES = RenderOptions(cull=False)
 
 
-@pytest.fixture(params=["stand-in", pytest.param("gsplat", marks=DEVICE)], autouse=True)
+@pytest.fixture(scope="session")
+def kernels_on_cpu(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """gsplat's own kernels, compiled once for the CPU."""
+    cuda_code = gsplat_on_cpu.sources()
+    if cuda_code is None:
+        pytest.skip("gsplat, whose kernels would be compiled for the CPU, or g++ is not installed")
+    return gsplat_on_cpu.build(cuda_code, tmp_path_factory.mktemp("gsplat"))
+
+
+@pytest.fixture(params=["stand-in", "kernels-on-cpu", pytest.param("device", marks=DEVICE)], autouse=True)
 def _kernels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if request.param == "stand-in":
-        monkeypatch.setattr(cuda, "load", lambda: (gsplat_stand_in, "cpu"))
+    if request.param == "device":
+        return
+    stand_in = gsplat_stand_in if request.param == "stand-in" else request.getfixturevalue("kernels_on_cpu")
+    monkeypatch.setattr(cuda, "load", lambda: (stand_in, "cpu"))
 
 
 def distant(view: Camera, times: float = 20.0) -> Camera:
