@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import gsplat_stand_in
 import numpy as np
 import pytest
 from brepgaussian.artifacts.base import Provenance
@@ -10,9 +11,10 @@ from brepgaussian.artifacts.masks import Masks, read_masks
 from brepgaussian.artifacts.stage1 import read_evidence, read_surfels
 from brepgaussian.artifacts.stage2 import read_stage2
 from brepgaussian.artifacts.views import read_views
-from brepgaussian.errors import StageError
+from brepgaussian.errors import StageError, ToolError
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.settings.stage2 import Stage2Settings
+from brepgaussian.splatting import cuda
 from brepgaussian.splatting.stage1 import train_stage1
 from brepgaussian.splatting.stage2 import train_stage2
 from synthetic import sphere_masks, sphere_views
@@ -129,6 +131,29 @@ def test_masks_as_detected_where_no_repair_is_wanted(folder: Path) -> None:
     result = read_stage2(folder / "stage2.h5")
     assert not result.consistent
     np.testing.assert_array_equal(result.patches, read_masks(folder / "masks.h5").patches)
+
+
+def test_a_missing_device_is_said_before_the_work(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone() -> None:
+        raise ToolError("torch finds no CUDA device", fix="use device: cpu")
+
+    monkeypatch.setattr(cuda, "load", gone)
+    monkeypatch.setattr("brepgaussian.splatting.stage1.carve", lambda *_: pytest.fail("the hull was carved"))
+    out = folder / "no.ply", folder / "no.h5"
+    with pytest.raises(ToolError, match="CUDA"):
+        train_stage1(folder / "views.h5", folder / "masks.h5", *out, replace(FAST, device="cuda"))
+
+
+def test_training_through_gsplat_follows_the_cpu(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few steps of stage 1 on the cuda backend, over the stand-in: the loss falls as it does on the kernels."""
+    monkeypatch.setattr(cuda, "load", lambda: (gsplat_stand_in, "cpu"))
+    few = replace(FAST, iterations=6, image_size=48, surfels=300, densification=False, edge_cloud=False)
+    losses = []
+    for device in ("cpu", "cuda"):
+        out = folder / f"{device}.ply", folder / f"{device}.h5"
+        train_stage1(folder / "views.h5", folder / "masks.h5", *out, replace(few, device=device))
+        losses.append(read_evidence(out[1]).losses)
+    np.testing.assert_allclose(losses[1], losses[0], rtol=0.03)
 
 
 def test_masks_of_other_views_are_refused(folder: Path) -> None:

@@ -74,10 +74,17 @@ m = z - z_reference is composited as sum of w_i m_i, without division by alpha.
 
 
 def choose_backend(device: str) -> str:
-    """The backend of a `device` setting; a device that was asked for is never replaced by another."""
-    if device == "auto":
-        from brepgaussian.splatting import cuda
+    """The backend of a `device` setting; a device that was asked for is never replaced by another.
 
+    Raises:
+        ToolError: gsplat or the CUDA device that was asked for is missing.
+        SettingsError: there is no such device.
+    """
+    from brepgaussian.splatting import cuda
+
+    if device == "cuda":
+        cuda.load()
+    if device == "auto":
         return "cuda" if cuda.is_available() else "cpu"
     if device not in BACKENDS:
         raise SettingsError(f"device is {device!r}", fix="use one of: auto, cpu, cuda")

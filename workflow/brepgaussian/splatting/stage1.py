@@ -55,8 +55,9 @@ def train_stage1(
     Raises:
         ArtifactError: an input file is missing or damaged.
         StageError: the silhouettes have no common inside, or the files do not fit together.
-        ToolError: there is no C++ compiler.
+        ToolError: there is no C++ compiler, or not the device that was asked for.
     """
+    choose_backend(settings.device)  # what is missing is said before the work
     views, masks = read_views(views_path), read_masks(masks_path)
     if masks.edges.shape != views.alpha.shape:
         raise StageError(
