@@ -19,7 +19,7 @@ from brepgaussian.artifacts.base import atomic
 from brepgaussian.artifacts.truth import Truth
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.damage import DAMAGES, damaged
-from brepgaussian.brep.ladder import climb, make_job
+from brepgaussian.brep.ladder import climb, make_job, other_jobs
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.brep.worker import Worker
 from brepgaussian.errors import BrepGaussianError
@@ -92,7 +92,8 @@ def run_case(
         primitives = primitives_of(points, PrimitivesSettings())
         row["primitives"] = len(primitives.items)
         start = time.monotonic()
-        outcome = climb(worker, make_job(views, points, primitives, settings), points, start)
+        job = make_job(views, points, primitives, settings)
+        outcome = climb(worker, job, points, start, others=other_jobs(points, primitives, job))
         row["seconds"] = round(time.monotonic() - start, 2)
         row |= score(outcome.shape, truth)
         row |= {"fallback": outcome.report["fallback"], "rung": outcome.report["rung"]}

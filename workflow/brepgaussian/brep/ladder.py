@@ -1,5 +1,6 @@
 """The ladder: one attempt after another until the gate has no doubts; the last rung always closes."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,14 +15,16 @@ from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.search import Search
-from brepgaussian.brep.silhouettes import make_silhouettes
+from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
+from brepgaussian.primitives.afresh import alternatives
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.settings.primitives import PrimitivesSettings
 
 _DIGITS = 6  # of figures in the report
 
@@ -45,8 +48,12 @@ class Outcome:
 
 def make_job(views: Views, points: Points, primitives: Primitives, settings: BrepSettings) -> Job:
     """Collect what every attempt needs."""
-    patches = make_patches(primitives.items, points, settings.max_reach)
     silhouettes = make_silhouettes(views.alpha, views.cameras, settings.gate_views, settings.gate_side)
+    return _job(points, primitives, silhouettes, settings)
+
+
+def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None, settings: BrepSettings) -> Job:
+    patches = make_patches(primitives.items, points, settings.max_reach)
     if settings.tidy:
         patches = tidy(patches)
     borders = open_points(patches)
@@ -57,15 +64,28 @@ def make_job(views: Views, points: Points, primitives: Primitives, settings: Bre
     return Job(tuple(patches), tuple(caps), ends, open_patches, silhouettes, settings)
 
 
-def climb(worker: Worker, job: Job, points: Points, start: float, views: Views | None = None) -> Outcome:
+def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
+    """Jobs of other explanations of the points that no primitive explains well (`primitives.afresh`)."""
+    for other in alternatives(points, primitives, PrimitivesSettings()):
+        yield _job(points, other, job.silhouettes, job.settings)
+
+
+def climb(
+    worker: Worker,
+    job: Job,
+    points: Points,
+    start: float,
+    views: Views | None = None,
+    others: Iterable[Job] = (),
+) -> Outcome:
     """Search for the best solid, and fall back to the polyhedral one where there is none.
 
-    With views, solids are refined against the images, and these decide between them.
+    With views, solids are refined against the images, and these decide between them and those of `others`.
 
     Raises:
         StageError: not even the fallback closes.
     """
-    search = Search(worker, job, start, views)
+    search = Search(worker, job, start, views, others)
     found = search.run()
     if found is None:
         found = Polished(_fallback(worker, job, points), {})

@@ -1,12 +1,14 @@
 """The search for the solid that the points and the images like best: rungs of the ladder, then simpler solids."""
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.judgement import against, short_of, size
 from brepgaussian.brep.polish import Polished, badness, polish
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
@@ -14,12 +16,14 @@ from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
+from brepgaussian.settings.brep import BrepSettings
 
 _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
 _SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
 _SMALL = 0.03  # of all points: the images decide whether patches of so few are faces
 _MOST_RIVALS = 2  # solids of another shape that are refined where the images refuse the first
+_OTHERS_RUNGS = ("support", "open_extended", "wide")  # on which other explanations are tried
 
 Shape = tuple[int, int, int, float]
 
@@ -33,6 +37,7 @@ class Search:
         job: what the rungs need.
         start: time (monotonic) from which the total limit counts.
         views: images that judge; None to do without.
+        others: jobs of other explanations of the same points, tried where the images or the points want another solid.
         tried: all attempts in order.
         polished: refined solids by the shape that they came from.
     """
@@ -41,17 +46,55 @@ class Search:
     job: Job
     start: float
     views: Views | None
+    others: Iterable[Job] = ()
     tried: list[Attempt] = field(default_factory=list)
     polished: dict[Shape, Polished] = field(default_factory=dict)
 
     def run(self) -> Polished | None:
         """The best solid, judged by the images where there are some; None if no rung gives one fit to publish."""
-        self._ladder = rungs(self.job) if self.job.patches else []
+        first = self._first()
+        winner, best = self._against_others(first)
+        if best is None or self.views is None:
+            return best
+        return winner._finished(best)
+
+    def _first(self, names: Sequence[str] = ()) -> Polished | None:
+        """The first solid fit to publish (from some rungs only), judged by the images where there are some."""
+        self._ladder = [r for r in rungs(self.job) if not names or r.name in names] if self.job.patches else []
         self._climb(to_the_end=False)
         chosen = self.choose()
         if chosen is None or self.views is None:
             return None if chosen is None else Polished(chosen, {})
-        best = self._simplified(self._best_judged() or self._judged(chosen))
+        return self._best_judged() or self._judged(chosen)
+
+    def _against_others(self, best: Polished | None) -> tuple["Search", Polished | None]:
+        """The best solid after other explanations of the points were tried, and the search that found it.
+
+        They are tried where no solid is without doubts, or the images refuse it.
+        """
+        winner: Search = self
+        if best is not None and not best.attempt.verdict.doubts and best.report.get("accepted") is not False:
+            return self, best
+        for job in self.others:
+            if self._late():
+                break
+            if best is not None and _hopeless(job, best):
+                continue
+            search = Search(self.worker, job, self.start, self.views)
+            found = search._first(_OTHERS_RUNGS)
+            self.tried += [replace(t, rung=f"afresh {t.rung}") for t in search.tried]
+            fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
+            kinds = " ".join(p.surface.kind for p in job.patches)
+            get_logger("brep").info("afresh as %s: %s", kinds, fault or "taken")
+            if not fault:
+                winner, best = search, found
+        return winner, best
+
+    def _finished(self, best: Polished) -> Polished:
+        """The solid after simpler ones were tried, and other rungs where the images refuse it."""
+        chosen = self.choose()
+        assert chosen is not None
+        best = self._simplified(best)
         unsure = bool(chosen.verdict.doubts or chosen.verdict.hints)  # else other rungs hardly find another shape
         if unsure and best.report.get("accepted") is False:
             self._climb(to_the_end=True)
@@ -158,6 +201,24 @@ class Search:
         end = min(time.monotonic() + settings.simplify_time_s, self.start + settings.total_time_s)
         rung = self._rung(best.attempt.rung)
         return Trials(self.worker, self.views, self.job, rung, best, end, settings.simplify_trials).run()
+
+
+def _hopeless(job: Job, best: Polished) -> bool:
+    """Whether an explanation with as many surfaces as faces of an accepted solid is not worth a try."""
+    return bool(best.report.get("accepted")) and len(job.patches) >= best.attempt.verdict.faces
+
+
+def _worse(new: Polished, old: Polished | None, settings: BrepSettings) -> str:
+    """Why another solid is not taken in the place of the present one."""
+    if old is None:
+        return ""
+    if not old.report or not new.report:  # no images: the points decide
+        return "" if new.attempt.verdict.score > old.attempt.verdict.score else "the points agree less"
+    if new.report.get("accepted") and not old.report.get("accepted"):
+        return ""  # of a solid that the images refuse, edges that they seem to show prove little
+    if size(new.attempt) < size(old.attempt):
+        return against(new, old, settings)
+    return short_of(new, old, settings)
 
 
 def shape_of(attempt: Attempt) -> Shape:

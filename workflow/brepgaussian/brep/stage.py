@@ -11,7 +11,7 @@ from brepgaussian.artifacts.points import Points, read_points
 from brepgaussian.artifacts.primitives import read_primitives
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.brep.curves import wireframe
-from brepgaussian.brep.ladder import climb, make_job
+from brepgaussian.brep.ladder import climb, make_job, other_jobs
 from brepgaussian.brep.worker import Worker
 from brepgaussian.errors import StageError
 from brepgaussian.log import get_logger
@@ -56,7 +56,7 @@ def build_brep(
     _check(points, points_path)
     with Worker() as worker:
         job = make_job(views, points, primitives, settings)
-        outcome = climb(worker, job, points, start, views)
+        outcome = climb(worker, job, points, start, views, other_jobs(points, primitives, job))
         name = views.object_name or Path(views_path).parent.name or "part"
         step = (outcome.shape, views.world_from_unit, views.unit, name, str(out_step))
         worker.call("publish:write_step", step, _PUBLISH_LIMIT_S)

@@ -5,24 +5,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.polish import Polished, badness, polish
-from brepgaussian.brep.simplify import Change, applied, compatible, complexity, proposals
-from brepgaussian.brep.structure import SMOOTH
+from brepgaussian.brep.judgement import against, short_of, size
+from brepgaussian.brep.polish import Polished, polish
+from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
 
-_PX_SLACK = 0.02  # of the worst edge's silhouette residual: less than that is noise of the median
-_IOU_SLACK = 5e-5
-_SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
-_HALF = 0.5
-_WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
 
@@ -111,52 +105,17 @@ class Trials:
             fault = "; ".join(verdict.faults)
             if attempt.shape is None:
                 continue
-            if simpler and _size(attempt) >= _size(self.best.attempt):
+            if simpler and size(attempt) >= size(self.best.attempt):
                 fault = "no simpler"
             elif simpler and _explains_less(verdict, before):
                 fault = "the points are explained less"
             else:
                 self.left -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
-                fault = self._against(polished) if simpler else self._short_of(polished)
+                fault = (against if simpler else short_of)(polished, self.best, job.settings)
                 if not fault:
                     return "", (job, rung, polished)
         return fault, None
-
-    def _against(self, polished: Polished) -> str:
-        """What the images have against a simpler solid."""
-        new, old = polished.report, self.best.report
-        if new.get("silhouette_px") is None or new.get("mask_iou") is None:
-            return "it cannot be judged"
-        lost = self._lost(polished.attempt)
-        if lost:
-            return f"{lost} edges that the images show are not edges of it"
-        if old.get("silhouette_px") is None or (new["accepted"] and not old["accepted"]):
-            return ""
-        if old["accepted"] and not new["accepted"]:
-            return "the images do not accept it"
-        if old["accepted"]:
-            less = new["mask_iou"] < old["mask_iou"] - _IOU_SLACK
-            less |= new["silhouette_px"] > old["silhouette_px"] + _PX_SLACK
-        else:
-            less = badness(new, self.job.settings) > badness(old, self.job.settings)
-        return f"the images agree less ({new['silhouette_px']:.3f} px, IoU {new['mask_iou']:.5f})" if less else ""
-
-    def _short_of(self, polished: Polished) -> str:
-        """Why a solid with more faces is not worth it: the images must like it much better."""
-        settings = self.job.settings
-        if polished.report.get("accepted") and not self.best.report.get("accepted"):
-            return ""
-        new, old = badness(polished.report, settings), badness(self.best.report, settings)
-        return "" if new < _WORTH * old else f"the images agree little better ({new:.1f} for {old:.1f} limits)"
-
-    def _lost(self, attempt: Attempt) -> int:
-        """Number of edges of the present solid that the images show and another solid lacks."""
-        structure = attempt.verdict.structure
-        if structure is None or not structure.edges:
-            return len(self.best.shown)
-        tree = cKDTree(np.concatenate([e.polyline for e in structure.edges if e.convexity != SMOOTH]))
-        return sum(float(np.mean(tree.query(line)[0] <= _SAME_EDGE)) < _HALF for line in self.best.shown)
 
 
 def _explains_less(verdict: Verdict, before: Verdict) -> bool:
@@ -170,9 +129,3 @@ def _rungs(rung: Rung, job: Job) -> list[Rung]:
         return [plain]
     extend = tuple(range(len(job.patches))) if rung.name == "extended" else job.open_patches
     return [plain, replace(rung, extend=extend if rung.extend else ())]
-
-
-def _size(attempt: Attempt) -> tuple[int, int]:
-    structure = attempt.verdict.structure
-    assert structure is not None
-    return complexity(attempt.surfaces, [f.surface for f in structure.faces])

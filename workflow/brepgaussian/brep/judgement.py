@@ -1,0 +1,65 @@
+"""What the images have against one solid in the place of another."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.job import Attempt
+from brepgaussian.brep.polish import Polished, badness
+from brepgaussian.brep.simplify import complexity
+from brepgaussian.brep.structure import SMOOTH
+from brepgaussian.settings.brep import BrepSettings
+
+_PX_SLACK = 0.02  # of the worst edge's silhouette residual: less than that is noise of the median
+_IOU_SLACK = 5e-5
+_SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
+_HALF = 0.5
+_WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler
+
+
+def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
+    """What the images have against a simpler solid; empty if nothing."""
+    one, other = new.report, old.report
+    if one.get("silhouette_px") is None or one.get("mask_iou") is None:
+        return "it cannot be judged"
+    lost = lost_edges(new.attempt, old)
+    if lost:
+        return f"{lost} edges that the images show are not edges of it"
+    if other.get("silhouette_px") is None or (one["accepted"] and not other["accepted"]):
+        return ""
+    if other["accepted"] and not one["accepted"]:
+        return "the images do not accept it"
+    if other["accepted"]:
+        less = one["mask_iou"] < other["mask_iou"] - _IOU_SLACK
+        less |= one["silhouette_px"] > other["silhouette_px"] + _PX_SLACK
+    else:
+        less = badness(one, settings) > badness(other, settings)
+    return f"the images agree less ({one['silhouette_px']:.3f} px, IoU {one['mask_iou']:.5f})" if less else ""
+
+
+def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:
+    """Why a solid that is no simpler is not worth it: the images must like it much better."""
+    if old.report.get("accepted") and not new.report.get("accepted"):
+        return "the images do not accept it"
+    if new.report.get("accepted") and not old.report.get("accepted"):
+        return ""
+    after, before = badness(new.report, settings), badness(old.report, settings)
+    return "" if after < _WORTH * before else f"the images agree little better ({after:.1f} for {before:.1f} limits)"
+
+
+def lost_edges(attempt: Attempt, old: Polished) -> int:
+    """Number of edges of a solid that the images show and another solid lacks."""
+    structure = attempt.verdict.structure
+    if structure is None or not structure.edges:
+        return len(old.shown)
+    sharp = [e.polyline for e in structure.edges if e.convexity != SMOOTH]
+    if not sharp:
+        return len(old.shown)
+    tree = cKDTree(np.concatenate(sharp))
+    return sum(float(np.mean(tree.query(line)[0] <= _SAME_EDGE)) < _HALF for line in old.shown)
+
+
+def size(attempt: Attempt) -> tuple[int, int]:
+    """Number of faces, and how complex their surfaces are."""
+    structure = attempt.verdict.structure
+    assert structure is not None
+    return complexity(attempt.surfaces, [f.surface for f in structure.faces])

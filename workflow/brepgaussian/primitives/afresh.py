@@ -1,0 +1,246 @@
+"""Badly reconstructed regions explained afresh: few surfaces along the design's directions instead of many poor ones.
+
+Where no image shows the ground of a groove or a bore, the points bulge by several noises. Labels then cut one face
+into pieces, and each piece gets a surface of a kind of its own. All points of such patches together know better:
+surfaces that a neighbour's direction or axis guides are sought among them, simple ones first, until no surface
+explains enough points any more. What is left belongs to no face. These are proposals: the images decide.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.points import Points
+from brepgaussian.artifacts.primitives import Primitive, Primitives
+from brepgaussian.geometry.fit import fit_robust, inliers, oriented, plausible, residuals
+from brepgaussian.geometry.surfaces import KINDS, Surface
+from brepgaussian.primitives.candidates import FEW, FILLET, TURN, Candidate, candidates
+from brepgaussian.primitives.guided import SURE, Known, known
+from brepgaussian.primitives.patches import Cloud, Indices, Noise, Patch, make_cloud, spreads
+from brepgaussian.primitives.regularise import regularise, state_of
+from brepgaussian.settings.primitives import PrimitivesSettings
+
+Array = NDArray[np.float64]
+
+SIMPLE = ("plane", "cylinder")
+CHOICES = ((*SIMPLE, FILLET), (*SIMPLE, FILLET, "torus"), KINDS, SIMPLE)  # of kinds that compete, likeliest first
+SURE_SHARE = 0.01  # of all points: smaller patches are dubious however well they fit
+REACH = 2.5  # typical residuals of the dubious patches within which a surface explains a point
+LOOKED_AT = 3000  # points of the region that rank the candidates
+TRIED = 4  # best candidates of each kind that are fitted to their inliers in a round
+ENOUGH_SHARE, ENOUGH = 0.05, 40  # of the region's points that make a face
+MOST_FACES = 10
+SIMPLE_ENOUGH = 0.5  # of the most points explained: a simpler kind that reaches it is preferred (a bulging plane)
+OWN_PRICE = 0.1  # share of its points that a surface along no known direction must be ahead
+APART = 4.0  # limits within which points beside a surface, with normals like its own, are its bulge
+REACHING = 0.1  # of a fillet's points whose normals are nearer to the cylinder's
+HALF_TURN = np.radians(45.0)  # than this
+ROUNDS = 2  # of giving the points to the nearest surface and fitting it again
+
+
+def alternatives(points: Points, primitives: Primitives, settings: PrimitivesSettings) -> Iterator[Primitives]:
+    """Other explanations of the dubious patches' points, each with relations; none where all patches are sure.
+
+    Args:
+        points: that the primitives' supports index.
+        primitives: of the stage.
+        settings: of the stage.
+    """
+    cloud = make_cloud(points, settings.neighbours)
+    patches = _patches(primitives, cloud)
+    if not patches:
+        return
+    noise = _noise(patches, primitives.sigma, settings)
+    dubious = _dubious(patches, noise)
+    sure = [p for i, p in enumerate(patches) if i not in dubious]
+    if not dubious or not sure:
+        return
+    guides = known(sure, state_of(sure, cloud, noise, settings))
+    seen: set[tuple[tuple[str, int], ...]] = set()
+    for kinds in CHOICES:
+        found = _afresh([patches[i] for i in dubious], sure, guides, kinds, cloud, noise, settings)
+        key = tuple((p.surface.kind, len(p.members)) for p in found)
+        if key in seen:
+            continue
+        seen.add(key)
+        snapped, relations = regularise(found, cloud, noise, settings)
+        yield Primitives(tuple(_primitive(p, cloud) for p in snapped), relations, primitives.sigma)
+
+
+def _patches(primitives: Primitives, cloud: Cloud) -> list[Patch]:
+    return [
+        Patch((p.label,), np.sort(p.support), p.surface, *spreads(p.surface, cloud, p.support))
+        for p in primitives.items
+        if len(p.support)
+    ]
+
+
+def _noise(patches: Sequence[Patch], distance: float, settings: PrimitivesSettings) -> Noise:
+    """The noise of the points; that of the normals is the patch's that holds the middle point."""
+    order = sorted(patches, key=lambda p: p.turn)
+    total = np.cumsum([len(p.members) for p in order])
+    turn = order[int(np.searchsorted(total, total[-1] / 2))].turn
+    return Noise(max(distance, settings.sigma_floor), turn)
+
+
+def _primitive(patch: Patch, cloud: Cloud) -> Primitive:
+    rms = float(np.sqrt(np.mean(patch.surface.signed_distance(cloud.xyz[patch.members]) ** 2)))
+    return Primitive(patch.surface, patch.labels[0], patch.members, rms)
+
+
+def _dubious(patches: Sequence[Patch], noise: Noise) -> list[int]:
+    total = sum(len(p.members) for p in patches)
+    return [i for i, p in enumerate(patches) if p.rms > SURE * noise.distance or len(p.members) < SURE_SHARE * total]
+
+
+def _afresh(
+    dubious: Sequence[Patch],
+    sure: Sequence[Patch],
+    guides: Known,
+    kinds: Sequence[str],
+    cloud: Cloud,
+    noise: Noise,
+    settings: PrimitivesSettings,
+) -> list[Patch]:
+    """The sure patches with the points of dubious ones that they explain, and new patches of the others."""
+    members = np.unique(np.concatenate([p.members for p in dubious]))
+    xyz, normals = cloud.xyz[members], cloud.normals[members]
+    typical = np.repeat([p.rms for p in dubious], [len(p.members) for p in dubious])
+    limit = REACH * max(float(np.median(typical)), noise.distance)
+    own = [Candidate(p.surface.kind, p.surface, None) for p in dubious]
+    left = _nearest([p.surface for p in sure], xyz, normals, limit) < 0
+    found = _surfaces(own, guides, kinds, xyz[left], normals[left], limit, settings)
+    owner = _settled(found, sure, xyz, normals, limit, settings)
+    result = []
+    for k, patch in enumerate(sure):
+        more = np.union1d(patch.members, members[owner == k])
+        result.append(replace(patch, members=more) if len(more) > len(patch.members) else patch)
+    labels = sorted({v for p in dubious for v in p.labels})
+    for k, candidate in enumerate(found, start=len(sure)):
+        mine = members[owner == k]
+        if len(mine) >= FEW:
+            label = labels[min(k - len(sure), len(labels) - 1)]
+            result.append(Patch((label,), mine, candidate.surface, *spreads(candidate.surface, cloud, mine)))
+    return result
+
+
+def _nearest(surfaces: Sequence[Surface], xyz: Array, normals: Array, limit: float) -> Indices:
+    """(N,) index of the surface that explains each point best by distance and angle, -1 for none."""
+    best, owner = np.full(len(xyz), np.inf), np.full(len(xyz), -1, np.int64)
+    for i, surface in enumerate(surfaces):
+        distance, turn = residuals(surface, xyz, normals)
+        cost = np.where((distance <= limit) & (turn <= TURN), (distance / limit) ** 2 + (turn / TURN) ** 2, np.inf)
+        owner[cost < best] = i
+        best = np.minimum(best, cost)
+    return owner
+
+
+def _settled(
+    found: list[Candidate],
+    sure: Sequence[Patch],
+    xyz: Array,
+    normals: Array,
+    limit: float,
+    settings: PrimitivesSettings,
+) -> Indices:
+    """(N,) owner of each point, sure patches first; `found` is fitted to what it owns, in place."""
+    fixed = [p.surface for p in sure]
+    for _ in range(ROUNDS):
+        owner = _nearest([*fixed, *(c.surface for c in found)], xyz, normals, limit)
+        for k, candidate in enumerate(found):
+            mine = owner == k + len(fixed)
+            fitted = _fitted(candidate, xyz[mine], normals[mine], limit, settings)
+            if fitted is not None:
+                found[k] = replace(candidate, surface=fitted)
+    return _nearest([*fixed, *(c.surface for c in found)], xyz, normals, limit)
+
+
+def _surfaces(
+    own: list[Candidate],
+    guides: Known,
+    kinds: Sequence[str],
+    xyz: Array,
+    normals: Array,
+    limit: float,
+    settings: PrimitivesSettings,
+) -> list[Candidate]:
+    """Surfaces that explain the points one after another."""
+    step = max(1, len(xyz) // LOOKED_AT)
+    points, turned = xyz[::step], normals[::step]
+    enough = max(ENOUGH_SHARE * len(points), ENOUGH / step)
+    pool = [c for c in (*own, *candidates(points, turned, guides)) if c.kind in kinds]
+    found: list[Candidate] = []
+    while pool and len(points) >= enough and len(found) < MOST_FACES:
+        best = _next(pool, points, turned, limit, settings)
+        if best is None:
+            break
+        near = inliers(best.surface, points, turned, limit, TURN)
+        if near.sum() < enough:
+            break
+        found.append(best)
+        points, turned = points[~near], turned[~near]
+        pool = [c for c in pool if not _same_again(best, c, points, turned, limit)]
+    return found
+
+
+def _same_again(first: Candidate, second: Candidate, points: Array, normals: Array, limit: float) -> bool:
+    """Whether all that a surface explains are points where another one bulges."""
+    near = inliers(second.surface, points, normals, limit, TURN)
+    if near.sum() < FEW:
+        return True
+    distance, turn = residuals(first.surface, points[near], normals[near])
+    return bool(np.median(distance) < APART * limit and np.median(turn) < TURN)
+
+
+def _next(
+    pool: Sequence[Candidate], points: Array, normals: Array, limit: float, settings: PrimitivesSettings
+) -> Candidate | None:
+    """The simplest candidate that explains nearly as many points as any."""
+    masks = [inliers(c.surface, points, normals, limit, TURN) for c in pool]
+    score = np.array([m.sum() * (1 - OWN_PRICE * (c.free is None)) for m, c in zip(masks, pool, strict=True)])
+    groups: dict[tuple[int, str], list[int]] = {}
+    for k in np.argsort(-score, kind="stable").tolist():
+        groups.setdefault((pool[k].freedom, pool[k].kind), []).append(k)
+    best: dict[tuple[int, str], tuple[float, Candidate]] = {}
+    for name, group in groups.items():
+        for k in group[:TRIED]:
+            surface = _fitted(pool[k], points[masks[k]], normals[masks[k]], limit, settings)
+            if surface is None:
+                continue
+            near = inliers(surface, points, normals, limit, TURN)
+            if not _reaches(pool[k].beside, points[near], normals[near]):
+                continue
+            count = float(near.sum())
+            count *= 1 - OWN_PRICE * (pool[k].free is None)
+            if count > best.get(name, (0.0,))[0]:
+                best[name] = count, replace(pool[k], surface=surface)
+    if not best:
+        return None
+    most = max(count for count, _ in best.values())
+    return best[min(name for name in best if best[name][0] >= SIMPLE_ENOUGH * most)][1]
+
+
+def _reaches(beside: Surface | None, points: Array, normals: Array) -> bool:
+    """Whether points of a fillet go on to the cylinder that it touches."""
+    if beside is None or len(points) < FEW:
+        return beside is None
+    return float(np.quantile(residuals(beside, points, normals)[1], REACHING)) < HALF_TURN
+
+
+def _fitted(
+    candidate: Candidate, points: Array, normals: Array, limit: float, settings: PrimitivesSettings
+) -> Surface | None:
+    """A candidate fitted to points in its free parameters."""
+    if len(points) < FEW:
+        return None
+    start = candidate.surface
+    if candidate.free == ():
+        return start
+    try:
+        fitted = fit_robust(start.kind, points, normals, limit / REACH, initial=start, free=candidate.free)[0]
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    fitted = oriented(fitted, points, normals)
+    return fitted if plausible(fitted, points, settings.largest_radius) else None
