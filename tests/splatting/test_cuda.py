@@ -156,6 +156,14 @@ def test_edge_on_and_huge_surfels_stay_finite(low_pass: float) -> None:
     assert all(torch.isfinite(g).all() for g in gradients(planes, scene, 0, ()))
 
 
+def test_a_disk_larger_than_its_distance_fills_the_view() -> None:
+    """It faces the camera, so that it does not reach the camera's plane, but the ball around it does."""
+    scene, view = one_disk(0.0, 5.0), frontal(100.0, 40)
+    truth, fast = (module.planes(scene, view, RenderOptions()) for module in (reference, cuda))
+    assert (truth[-2] > 0.7).all()
+    torch.testing.assert_close(fast, truth, rtol=0, atol=1e-4)
+
+
 def test_median_depth_is_that_of_the_centre_that_makes_a_pixel_half_opaque() -> None:
     view = distant(camera(40, 33))
     scene = facing(surfels(40, 4, size=0.2), view, 4, most_deg=0.1)

@@ -32,6 +32,7 @@ _WIDTHS = (1, 2, 3, 4, 8, 16, 32, 64, 128, 256, 512)  # numbers of channels that
 _FILTER_PX = 0.5**0.5  # standard deviation of gsplat's filter
 _FILTER_ROUNDING_PX = 0.01  # 2DGS' filter is written 0.71
 _FAR_PX = 1e6  # a filter centred so far away is never the nearer one
+_LARGEST_PX = 2.0**30  # of a box around a surfel: larger ones do not fit into 32 bits
 _DEPTH_CHANNELS = 9  # m as 1, x, y; m^2 as 1, x, y, xx, xy, yy
 _STEEPEST = 10.0  # tangent between a disk and the image (84 degrees): beyond it float32 loses m^2 to cancellation
 _TINY = 1e-12  # keeps 0 / 0 out of slopes
@@ -94,7 +95,7 @@ def _moved(surfels: SurfelTensors, device: str) -> SurfelTensors:
 def _composite(gsplat: ModuleType, screen: Screen, camera: Camera, options: RenderOptions) -> Tensor:
     """(planes, H, W) of at least one surfel; the leading 1 of gsplat's arrays counts views."""
     rows, columns = -(-camera.height // _TILE), -(-camera.width // _TILE)
-    radii = screen.reach.detach().ceil().to(torch.int32)
+    radii = screen.reach.detach().ceil().clamp_max(_LARGEST_PX).to(torch.int32)
     _, ids, order = gsplat.isect_tiles(
         screen.center.detach()[None],
         torch.stack([radii, radii], dim=1)[None],
