@@ -15,8 +15,13 @@ from brepgaussian.errors import StageError, ToolError
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.settings.stage2 import Stage2Settings
 from brepgaussian.splatting import cuda
+from brepgaussian.splatting.benchmark import sphere
+from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting.parameters import Parameters
+from brepgaussian.splatting.recipes import towards_cameras
 from brepgaussian.splatting.stage1 import train_stage1
 from brepgaussian.splatting.stage2 import train_stage2
+from brepgaussian.splatting.targets import make_targets
 from synthetic import sphere_masks, sphere_views
 
 FAST = Stage1Settings(
@@ -101,6 +106,23 @@ def test_the_papers_recipe_starts_at_random_and_learns(folder: Path) -> None:
     losses = read_evidence(folder / "paper.h5").losses
     assert len(losses) == 60
     assert losses[-16:].mean() < 0.95 * losses[:16].mean()  # its rates are made for 30,000 steps
+
+
+def test_normals_come_to_the_side_that_the_images_see(folder: Path) -> None:
+    """Surfels on a sphere, half of them turned over, are all turned outwards, about their own first axis."""
+    cloud = sphere(800)
+    outward = cloud.centers - 0.5
+    over = np.random.default_rng(0).random(len(cloud)) < 0.5
+    w, x, y, z = cloud.quaternions.T.copy()
+    cloud.quaternions[over] = np.column_stack([-x, w, z, -y])[over]
+    parameters = Parameters(cloud)
+    before = parameters.surfels()
+    assert ((before.normals * outward).sum(1) < 0).sum() == over.sum()
+    targets = make_targets(read_views(folder / "views.h5"), read_masks(folder / "masks.h5"), 96)
+    parameters.replace("quaternions", towards_cameras(parameters, targets, RenderOptions(cull=False)))
+    after = parameters.surfels()
+    assert ((after.normals * outward).sum(1) > 0).all()
+    np.testing.assert_allclose(after.axes[:, :, 0], before.axes[:, :, 0], atol=1e-5)
 
 
 def test_features_separate_the_patches(folder: Path) -> None:

@@ -6,9 +6,10 @@ import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.settings.stage1 import Stage1Settings
-from brepgaussian.splatting.library import Cloud
+from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting.library import Cloud, Floats, Raster, view_params
 from brepgaussian.splatting.parameters import Parameters
-from brepgaussian.splatting.targets import is_grey
+from brepgaussian.splatting.targets import Target, is_grey
 
 _START_OPACITY = 0.1  # 3DGS
 PAPER = {
@@ -58,3 +59,22 @@ def random_start(views: Views, settings: Stage1Settings) -> Parameters:
             np.full((count, channels), 0.5, np.float32),
         )
     )
+
+
+def towards_cameras(parameters: Parameters, targets: list[Target], options: RenderOptions) -> Floats:
+    """(N, 4) quaternions of the surfels with normals on the side from which the images see them.
+
+    2DGS renders either side of a surfel, so that training from random points leaves the sign of normals to chance;
+    everything after stage 1 takes them to point outwards. Views vote with the compositing weight of the surfel.
+    """
+    cloud, normals, raster = parameters.cloud, parameters.surfels().normals, Raster()
+    away = np.zeros(len(cloud))
+    for target in targets:
+        pose = target.camera.cam_from_unit
+        eye = -pose[:3, :3].T @ pose[:3, 3]
+        planes = raster.forward(cloud, view_params(target.camera, cloud.channels.shape[1], options))
+        _, _, weights = raster.backward(cloud, planes, np.ones_like(planes))  # where nothing comes in, none are summed
+        away += weights * np.sign(np.einsum("nc,nc->n", normals, cloud.centers - eye))
+    w, x, y, z = cloud.quaternions.T
+    over = np.column_stack([-x, w, z, -y])  # half a turn about the disk's first axis
+    return np.ascontiguousarray(np.where(away[:, None] > 0, over, cloud.quaternions), np.float32)

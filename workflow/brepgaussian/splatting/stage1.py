@@ -22,7 +22,7 @@ from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.joint import JointFeatures
 from brepgaussian.splatting.library import Cloud, Floats, Raster
 from brepgaussian.splatting.parameters import Parameters, quaternions_of, turned
-from brepgaussian.splatting.recipes import effective, random_start
+from brepgaussian.splatting.recipes import effective, random_start, towards_cameras
 from brepgaussian.splatting.settle import settle
 from brepgaussian.splatting.targets import Target, is_grey, make_targets, training_scale
 
@@ -125,6 +125,9 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> T
         scale = training_scale(views, settings.image_size)
         joint = JointFeatures(masks, scale, parameters.cloud.centers, settings.seed, settings.joint_weight)
     parameters, losses = optimise(parameters, targets, settings, threads, joint)
+    if settings.recipe == "paper":
+        options = RenderOptions(low_pass_px=settings.low_pass_px, cull=False, threads=threads)
+        parameters.replace("quaternions", towards_cameras(parameters, targets, options))
     features = normalised(joint.features)[0] if joint else np.zeros((0, 0), np.float32)
     return Trained(parameters, hull, faces, losses, features)
 
