@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from brepgaussian.splatting.engine import LossWeights, plane_gradients
+from brepgaussian.splatting.benchmark import camera_at, sphere
+from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting.engine import LossWeights, plane_gradients, training_step
+from brepgaussian.splatting.library import Raster, view_params
 from brepgaussian.splatting.losses import dssim
 from brepgaussian.splatting.targets import Target
 from brepgaussian.splatting.torch_engine import plane_losses
@@ -72,3 +75,17 @@ def test_dssim_against_scikit_image() -> None:
     # scikit-image's window is cut at 3.5 sigma: 11 pixels, as ours
     _, image = structural_similarity(x, y, full=True, **options)
     assert ours == pytest.approx(float((1 - image).mean()), abs=1e-4)
+
+
+def test_a_step_leaves_nothing_of_the_last_one() -> None:
+    """Steps share memory: views of different sizes in any order give what fresh memory gives."""
+    cloud, shared = sphere(300), Raster()
+    weights = LossWeights(dssim=0.2, alpha=0.5, edge=0.1, normal=0.1, distortion=1.0)
+    for size in (60, 120, 60, 90):
+        view = camera_at(size)
+        planes = Raster().forward(cloud, view_params(view, 2, RenderOptions()))
+        target = Target(view, np.ascontiguousarray(planes[:1] * 0.5), planes[7] * 0.9, planes[1] * 0.5)
+        again, fresh = (training_step(r, cloud, target, weights, RenderOptions()) for r in (shared, Raster()))
+        assert again.losses == fresh.losses
+        for a, b in zip(again.gradients.arrays(), fresh.gradients.arrays(), strict=True):
+            np.testing.assert_array_equal(a, b)

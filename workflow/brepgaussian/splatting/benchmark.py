@@ -9,7 +9,7 @@ import numpy as np
 
 from brepgaussian.artifacts.base import atomic
 from brepgaussian.splatting.camera import Camera, RenderOptions
-from brepgaussian.splatting.engine import LossWeights, plane_gradients
+from brepgaussian.splatting.engine import LossWeights, plane_gradients, training_step
 from brepgaussian.splatting.library import TILE, Cloud, Raster, view_params
 from brepgaussian.splatting.parameters import Parameters, quaternions_of
 from brepgaussian.splatting.targets import Target
@@ -102,14 +102,13 @@ def measure_cpu(count: int, size: int, threads: int, reference_ms: float | None)
     rates = dict.fromkeys(("centers", "quaternions", "scales", "opacities", "channels"), 1e-9)
 
     def step() -> None:
-        rendered = raster.forward(parameters.cloud, view)
-        into, _ = plane_gradients(rendered, target, _WEIGHTS, threads)
-        back, _, _ = raster.backward(parameters.cloud, rendered, into)
-        parameters.update(back, rates, threads)
+        trained = training_step(raster, parameters.cloud, target, _WEIGHTS, options)
+        parameters.update(trained.gradients, rates, threads)
 
-    forward = measure(lambda: raster.forward(cloud, view))
+    forward = measure(lambda: raster.forward(cloud, view, planes))
     backward = measure(lambda: raster.backward(cloud, planes, gradients))
-    loss = measure(lambda: plane_gradients(planes, target, _WEIGHTS, threads))
+    into = raster.scratch("into", planes.shape)
+    loss = measure(lambda: plane_gradients(planes, target, _WEIGHTS, threads, into))
     ratio = reference_ms / (forward + backward) if reference_ms else None
     return Row("cpu", threads, count, size, forward, backward, loss, measure(step), ratio)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from brepgaussian.splatting.camera import RenderOptions
-from brepgaussian.splatting.library import Cloud, Floats, Raster, load, pointer, view_params
+from brepgaussian.splatting.library import Cloud, Floats, Raster, load, planes_shape, pointer, view_params
 from brepgaussian.splatting.targets import Target
 
 COVERED = 0.5  # alpha from which a pixel has a depth
@@ -39,11 +39,12 @@ class Step:
 
 
 def plane_gradients(
-    planes: Floats, target: Target, weights: LossWeights, threads: int
+    planes: Floats, target: Target, weights: LossWeights, threads: int, into: Floats | None = None
 ) -> tuple[Floats, dict[str, float]]:
-    """Losses of rendered planes against a target, and the planes' gradients."""
+    """Losses of rendered planes against a target, and the planes' gradients, which may go `into` a given array."""
     library, camera = load(), target.camera
-    gradients = np.zeros_like(planes)
+    gradients = np.empty_like(planes) if into is None else into
+    gradients.fill(0)
     colors = len(target.colors)
     normal, m1, m2, alpha = colors + 1, colors + 4, colors + 5, colors + 6
     size = (camera.width, camera.height, target.stride)
@@ -80,8 +81,10 @@ def plane_gradients(
         total += weights.edge * losses["edge"]
     if weights.distortion > 0:
         images = (pointer(planes[k]) for k in (m1, m2, alpha))
-        into = (pointer(gradients[k]) for k in (m1, m2, alpha))
-        losses["distortion"] = library.bg_distortion(*images, *into, *size, ctypes.c_float(weights.distortion), threads)
+        towards = (pointer(gradients[k]) for k in (m1, m2, alpha))
+        losses["distortion"] = library.bg_distortion(
+            *images, *towards, *size, ctypes.c_float(weights.distortion), threads
+        )
         total += weights.distortion * losses["distortion"]
     if weights.normal > 0:
         losses["normal"] = library.bg_normal_consistency(
@@ -102,8 +105,8 @@ def plane_gradients(
 def training_step(raster: Raster, cloud: Cloud, target: Target, weights: LossWeights, options: RenderOptions) -> Step:
     """Render a view, compare it with its target, and differentiate."""
     view = view_params(target.camera, cloud.channels.shape[1], options)
-    planes = raster.forward(cloud, view)
-    into, losses = plane_gradients(planes, target, weights, options.threads)
+    planes = raster.forward(cloud, view, raster.scratch("planes", planes_shape(view)))
+    into, losses = plane_gradients(planes, target, weights, options.threads, raster.scratch("into", planes.shape))
     gradients, screen, summed = raster.backward(cloud, planes, into)
     return Step(gradients, screen, summed, losses)
 

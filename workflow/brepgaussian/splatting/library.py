@@ -55,6 +55,11 @@ def view_params(camera: Camera, channels: int, options: RenderOptions) -> ViewPa
     )
 
 
+def planes_shape(view: ViewParams) -> tuple[int, int, int]:
+    """Shape of a view's planes: whole tiles."""
+    return view.channels + EXTRA_PLANES, -(-view.height // TILE) * TILE, view.stride
+
+
 @functools.cache
 def load() -> ctypes.CDLL:
     """Load the kernels, compiling them first when needed."""
@@ -103,6 +108,7 @@ class Raster:
         self._library = load()
         self._handle = ctypes.c_void_p(self._library.bg_create())
         self._view = ViewParams()
+        self._scratch: dict[str, Floats] = {}
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
@@ -114,12 +120,21 @@ class Raster:
         """Number of surfel-tile pairs of the last forward pass."""
         return int(self._library.bg_pairs(self._handle))
 
+    def scratch(self, name: str, shape: tuple[int, ...]) -> Floats:
+        """An array with any content, whose memory the next call of the same name takes again.
+
+        For what every step makes anew: fresh pages can cost more than the arithmetic on them.
+        """
+        size = int(np.prod(shape))
+        if name not in self._scratch or self._scratch[name].size < size:
+            self._scratch[name] = np.empty(size, np.float32)
+        return self._scratch[name][:size].reshape(shape)
+
     def forward(self, cloud: Cloud, view: ViewParams, planes: Floats | None = None) -> Floats:
         """Render (C + 7, padded rows, stride) planes: channels, normal, m, m^2, alpha, median depth."""
         self._view = view
-        rows = -(-view.height // TILE) * TILE
         if planes is None:
-            planes = np.empty((view.channels + EXTRA_PLANES, rows, view.stride), np.float32)
+            planes = np.empty(planes_shape(view), np.float32)
         self._library.bg_forward(
             self._handle, ctypes.byref(view), ctypes.c_int64(len(cloud)), *cloud.pointers(), pointer(planes)
         )
