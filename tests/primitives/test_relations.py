@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from brepgaussian.artifacts.points import Points
 from brepgaussian.geometry.fit import PARAMETERS, fit, moved
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
+from brepgaussian.primitives.patches import Patch, make_cloud
+from brepgaussian.primitives.propose import _back_to_back
 from brepgaussian.primitives.relations import Link
-from brepgaussian.primitives.solve import Evidence, covariance, derivative, significance, solve
+from brepgaussian.primitives.solve import EFFECTIVE, Evidence, covariance, derivative, independent, significance, solve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sampled_surfaces import noisy, random_surface, sample
@@ -61,7 +64,7 @@ def test_derivative_predicts_a_small_move(kind, first, second):
 
 
 def evidence_of(points, sigma=0.003):
-    return Evidence(points, np.full(len(points), 1 / sigma**2))
+    return Evidence(points, np.full(len(points), 1 / sigma**2), float(len(points)))
 
 
 @settings(max_examples=4, deadline=None)
@@ -140,3 +143,26 @@ def test_without_relations_nothing_moves(kind):
     solved, left = solve([surface], [evidence_of(points)], [])
     assert len(left) == 0
     np.testing.assert_allclose(solved[0].signed_distance(points), surface.signed_distance(points), atol=1e-12)
+
+
+@pytest.mark.parametrize(("slow", "low", "high"), [(0.0, 4 * EFFECTIVE, 1200), (1.0, EFFECTIVE, 2 * EFFECTIVE)])
+def test_only_independent_errors_count_one_by_one(slow, low, high):
+    """White noise: every point is an observation; waves across the whole patch: hardly more than `EFFECTIVE`."""
+    rng = np.random.default_rng(5)
+    points, normals = sample(plane(O, Z), 1200, rng)
+    waves = np.sqrt(2) * np.sin(12 * points[:, 0] + 1) * slow
+    points[:, 2] += 0.004 * (waves + (1 - slow) * rng.normal(size=len(points)))
+    label = np.zeros(len(points), np.int32)
+    none = np.zeros(len(points), np.float32)
+    cloud = make_cloud(Points(points.astype(np.float32), normals.astype(np.float32), none, label, label - 1), 10)
+    patch = Patch((0,), np.arange(len(points)), fit("plane", points, normals), 0.004, 0.01)
+    assert low <= independent(patch, cloud, 0.015) <= high
+
+
+def test_a_thin_wall_is_no_tangency():
+    """A bore whose far side grazes a plane from within is not smooth with it; a rounding is."""
+    top = plane(O, Z)
+    assert _back_to_back(top, cylinder(O - 0.2 * Z, X, 0.2, flipped=True))
+    assert _back_to_back(cylinder(O + 0.2 * Z, X, 0.2), top)
+    assert not _back_to_back(top, cylinder(O - 0.2 * Z, X, 0.2))
+    assert not _back_to_back(top, cylinder(O + 0.2 * Z, X, 0.2, flipped=True))

@@ -211,8 +211,10 @@ def tangent(state: State) -> list[Link]:
 
 
 def _may_touch(state: State, link: Link) -> bool:
-    """Angles within their tolerance and the gap within that of lengths."""
+    """Angles within their tolerance and the gap within that of lengths; both on one side of the material."""
     first, second = state.surfaces[link.first], state.surfaces[link.second]
+    if _back_to_back(first, second):
+        return False
     value = link.residual(first, second)
     error = float(
         np.hypot(*(np.sqrt(max(np.diag(state.covariances[k])[_lengths(k, state)])) for k in (link.first, link.second)))
@@ -228,6 +230,15 @@ def _may_touch(state: State, link: Link) -> bool:
     if tilt > state.angle_tolerance(link.first, link.second):
         return False
     return len(value) < 7 or float(np.linalg.norm(value[3:6])) < state.length_tolerance(error, GAP_CAP, between)
+
+
+def _back_to_back(first: Surface, second: Surface) -> bool:
+    """Whether a plane and a cylinder or sphere would touch with opposite normals: a thin wall, not a smooth edge."""
+    flat, round_ = (first, second) if first.kind == "plane" else (second, first)
+    if flat.kind != "plane" or round_.kind not in ("cylinder", "sphere"):
+        return False
+    contact = flat.project(round_.origin[None])
+    return bool(flat.normals(contact)[0] @ round_.normals(contact)[0] < 0)
 
 
 def _lengths(i: int, state: State) -> list[int]:

@@ -17,7 +17,7 @@ from brepgaussian.primitives import propose
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners, spreads
 from brepgaussian.primitives.propose import State
 from brepgaussian.primitives.relations import Link
-from brepgaussian.primitives.solve import Evidence, covariance, gather, significance, solve
+from brepgaussian.primitives.solve import EFFECTIVE, Evidence, covariance, gather, significance, solve
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
@@ -118,10 +118,14 @@ class Snapping:
         patch = self._on(self.patches[i], surface)
         rms, turn = spreads(patch.surface, self.cloud, patch.members)
         old_rms, old_turn = self.before[i]
-        further = rms / max(old_rms, ALLOWED / WORSE * self.noise.distance)
+        # the limits are meant for errors that span the whole patch; independent ones tell more
+        share = float(np.sqrt(min(EFFECTIVE / self.evidence[i].count, 1.0)))
+        worse, allowed = (1 + share * (v - 1) for v in (WORSE, ALLOWED))
+        further = rms / max(old_rms, allowed / worse * self.noise.distance)
         turned = turn / max(old_turn, ALLOWED / WORSE * self.noise.turn)
         # what fits the normals better may fit the positions a little worse, and the other way round
-        return max(further, turned) > (WORSE**2 if further * turned < BALANCED else WORSE)
+        balanced = further * turned < 1 + share * (BALANCED - 1)
+        return further > (worse**2 if balanced else worse) or turned > (WORSE**2 if balanced else WORSE)
 
 
 def regularise(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from brepgaussian.geometry.fit import PARAMETERS, abreast, distance_jacobian, moved, residuals
 from brepgaussian.geometry.surfaces import Surface
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 # Independent observations of a patch's place and direction: the slow part of the error spans the whole patch, so
 # they are fewer than those that tell its shape (`geometry.fit_choose.EFFECTIVE`).
 EFFECTIVE = 8
+SLOW = 0.2  # of the errors' variance that is common to neighbours where errors are slow
+BESIDE = 10  # neighbours of a point
 SAMPLE = 500  # points of a patch in the joint solve
 ITERATIONS = 6
 STEP = 1e-6  # of the central differences of relations
@@ -34,21 +37,47 @@ MOST_STEP = 0.2  # rad or unit frame; a larger step is shortened
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the points of a patch say: positions, weights whose sum is the effective count over the variance."""
+    """What the points of a patch say: positions, weights whose sum is the effective count over the variance.
+
+    `count` is that number of independent observations.
+    """
 
     xyz: Array
     weights: Array
+    count: float
 
 
 def gather(patch: Patch, cloud: Cloud, noise: Noise) -> Evidence:
-    """Thinned inliers of a patch with weights; they count for at most `EFFECTIVE` observations."""
+    """Thinned inliers of a patch with weights; they count for as many observations as are independent."""
     some = thinned(patch.members, SAMPLE)
     distance, turn = residuals(patch.surface, cloud.xyz[some], cloud.normals[some])
     sigma = max(noise.distance, patch.rms)
     good = (distance < CUT * sigma) & (turn < max(4 * noise.turn, np.radians(30.0)))
     chosen = some[good] if good.sum() >= PARAMETERS[patch.surface.kind] else some
-    count = min(len(chosen), EFFECTIVE)
-    return Evidence(cloud.xyz[chosen], np.full(len(chosen), count / (len(chosen) * sigma**2)))
+    count = independent(patch, cloud, CUT * sigma)
+    return Evidence(cloud.xyz[chosen], np.full(len(chosen), count / (len(chosen) * sigma**2)), count)
+
+
+def independent(patch: Patch, cloud: Cloud, cut: float) -> float:
+    """Number of independent observations of a patch's place and direction.
+
+    Errors that neighbours have in common are slow: they count as `EFFECTIVE` observations however many points there
+    are. The points of surfels have nothing but such errors, at least a fifth of the variance is common to neighbours.
+    The less it is, the more is every point's own.
+    """
+    xyz = cloud.xyz[patch.members]
+    error = patch.surface.signed_distance(xyz)
+    near = np.abs(error) < cut
+    error, least = error[near], max(min(int(near.sum()), EFFECTIVE), 1)
+    if len(error) <= BESIDE or not error.any():
+        return float(least)
+    # neighbours along the surface: nearest points in space are the nearer the more alike their errors are
+    foot = patch.surface.project(xyz[near])
+    beside = cKDTree(foot).query(foot, BESIDE + 1)[1][:, 1:]
+    shared = float(np.mean(error[:, None] * error[beside]) / np.mean(error**2))
+    chance = 1 / np.sqrt(beside.size)
+    slow = float(np.clip((shared + chance) / SLOW, 0.0, 1.0))  # not less than chance may hide
+    return 1 / (slow / least + (1 - slow) / len(error))
 
 
 def normal_equations(surface: Surface, evidence: Evidence) -> tuple[Array, Array]:
