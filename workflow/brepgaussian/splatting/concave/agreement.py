@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.radiance import differences
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
@@ -11,10 +12,7 @@ Array = NDArray[np.float64]
 _STRIDE_PX = 4
 _OPAQUE = 250  # alpha of a pixel that is surely object
 _PLACE_PX = 6.0  # side of a place; within it, radiance changes linearly
-_LEAST_RAYS = 8  # of a place: its four coefficients take four
 _CAP = 3.0  # tolerances; greater differences (another surface is in the way) count no more than this
-_REWEIGHTINGS = 2
-_RIDGE = 1e-3
 _NORMAL_BINS = 2.0  # faces that meet at an edge are different places
 
 
@@ -61,22 +59,9 @@ def _differences(points: Array, normals: NDArray[np.float32], grey: Array, side:
     """Mean capped difference of rays from a linear fit to all rays of their place."""
     if not len(points):
         return 0.0
-    keys = np.column_stack([np.floor(points / side), np.round(normals * _NORMAL_BINS)]).astype(np.int64)
-    _, place, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    place = place.ravel()
-    local = points / side - np.floor(points / side) - 0.5
-    terms = np.column_stack([np.ones(len(points)), local])
-    weight = np.ones(len(points))
-    difference = np.zeros(len(points))
-    for _ in range(_REWEIGHTINGS + 1):
-        matrix = np.zeros((len(count), 4, 4)) + _RIDGE * np.eye(4)
-        side_sum = np.zeros((len(count), 4))
-        for i in range(4):
-            side_sum[:, i] = np.bincount(place, weight * terms[:, i] * grey, len(count))
-            for j in range(4):
-                matrix[:, i, j] += np.bincount(place, weight * terms[:, i] * terms[:, j], len(count))
-        fit = np.linalg.solve(matrix, side_sum[..., None])[..., 0]
-        difference = (grey - np.einsum("nk,nk->n", terms, fit[place])) / tolerance
-        weight = 1 / (1 + (difference / _CAP) ** 2)
-    enough = count[place] >= _LEAST_RAYS
-    return float(np.minimum(np.abs(difference[enough]), _CAP).mean()) if enough.any() else 0.0
+    place = np.floor(points / side).astype(np.int64)
+    facing = np.round(normals * _NORMAL_BINS).astype(np.int64)
+    difference, enough = differences(
+        np.column_stack([place, facing]), points / side - place - 0.5, grey, tolerance, _CAP
+    )
+    return float(difference[enough].mean()) if enough.any() else 0.0

@@ -5,32 +5,46 @@ it would be hit by rays that in truth meet different places, of different greys.
 true one explain the images equally well (all the floor has one grey), the least is right.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.openings import Stack
-from brepgaussian.splatting.concave.prism import Prism, signed_outline
-from brepgaussian.splatting.concave.radiance import disagreement
-from brepgaussian.splatting.concave.rays import Rays, exits, gather
+from brepgaussian.splatting.concave.prism import Lattice, Prism, signed_outline
+from brepgaussian.splatting.concave.radiance import LEAST_BACKGROUND, PLACE_CELLS, disagreement
+from brepgaussian.splatting.concave.rays import Rays, crossings_of, exits, gather
+from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
+_Costs = tuple[Array, NDArray[np.bool_]]  # (N,) disagreement of rays, (N,) which of them are told
 
 _LEAST_RAYS = 200
-_SEARCH_RAYS = 60_000  # more make the search slower, not better
+_SEARCH_RAYS = 40_000  # more make the search slower, not better
 _DEPTHS = 36  # tried at first, from the shallowest on in equal ratios
 _SHALLOWEST = 3.0  # cells
-_DEEPER = 0.02  # of the range of disagreement: price of each doubling of the depth
+_DEEPER = 0.005  # of the range of disagreement: price of each doubling of the depth, against drifting on a plateau
+_SURE = 4.0  # standard errors by which a deeper floor must explain the rays better
+_NOTHING = 1e-9
+_RESTING = 0.8  # of the rays that reach a floor
+_MOST_PLACE_CELLS = 8.0
+_MOST_DEEPER = 16  # depths tried with all rays
+_FINAL_RAYS = 240_000  # for a floor that few of the rays reach
+_FINAL_RATIO = 1.04  # of the depths tried with them
+_UNIT_CELLS = 3  # rays of one view this close to each other err together
+_TOLD_SHARE = 0.9  # of the rays through an opening leave the hull before the depth of a hole through its nearest part
 _GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
 _THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
 _FINEST = 0.25  # cells
+_RIM_RAYS = 60_000
 _FEW_RAYS = 8_000  # for many shapes of leaning walls
 _FEW_DEPTHS = 10
 _TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
 _DRAFTS = (0.25, 0.5, 1.0)
+_MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
-_LEANING = 0.75  # walls lean only if that leaves at most this share of the straight ones' disagreement
+_LEANING = 0.9  # walls lean only if that leaves at most this share of the straight ones' disagreement
 _DEEP = 7.0  # cells
 _SHALLOW_GAIN = 0.4  # for what is shallower: a lid that is badly placed looks like it
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid
@@ -47,6 +61,11 @@ class _Shape:
     through: bool = False
     sink: float = np.inf
 
+    @property
+    def walls(self) -> tuple[float, ...]:
+        """All but how deep it is."""
+        return (self.grow, self.draft, self.sink, *self.tilt)
+
 
 _STRAIGHT = _Shape(_SHALLOWEST)
 
@@ -54,32 +73,78 @@ _STRAIGHT = _Shape(_SHALLOWEST)
 class _Opening:
     """One opening with its rays; remembers what was tried."""
 
-    def __init__(self, rays: Rays, outline: NDArray[np.bool_], deepest: float, tolerance: float) -> None:
-        self.rays, self.outline, self.deepest, self.tolerance = rays, outline, deepest, tolerance
+    def __init__(
+        self, every: Rays, count: int, outline: NDArray[np.bool_], ends: tuple[float, ...], tolerance: float
+    ) -> None:
+        rays = every.sample(count)
+        self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
+        # fewer rays need larger places to agree in
+        self.side = min(PLACE_CELLS * np.sqrt(len(every) / max(len(rays), 1)), _MOST_PLACE_CELLS)
+        self.holed = (rays.grey < 0).sum() >= LEAST_BACKGROUND
+        self.deepest = ends[-1]
         self.price = 0.0  # of each doubling of the depth
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
+        places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
+        self._units = np.unique(places, axis=0, return_inverse=True)[1].ravel()
 
-    def score(self, shape: _Shape) -> tuple[float, float]:
-        """Disagreement and share of contradicting rays; a doubling of the depth costs a little."""
-        key = (shape.grow, shape.draft, shape.sink, *shape.tilt)
-        if key not in self._exits:
+    def costs(self, shape: _Shape, even: bool = False) -> _Costs:
+        """(N,) disagreement of the rays, (N,) which of them are told."""
+        if shape.walls not in self._exits:
             sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
             found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
-            self._exits[key] = sheared, found
-        sheared, found = self._exits[key]
-        return disagreement(sheared, found, shape.depth, self.tolerance, shape.through)
+            self._exits[shape.walls] = sheared, found
+        sheared, found = self._exits[shape.walls]
+        return disagreement(
+            sheared, found, shape.depth, self.tolerance, shape.through, PLACE_CELLS if even else self.side, even
+        )
+
+    def rests(self, shape: _Shape) -> bool:
+        """Whether a floor has the hull below it: most rays that reach it don't go on through what is open already."""
+        self.costs(shape)
+        sheared, found = self._exits[shape.walls]
+        reached = found >= shape.depth
+        below = sheared.met(np.full(len(found), shape.depth), np.zeros(len(found), bool))[reached]
+        return bool((below <= shape.depth).sum() >= _RESTING * len(below))
+
+    def score(self, shape: _Shape) -> tuple[float, float]:
+        """Mean disagreement and share of contradicting rays."""
+        return _summary(*self.costs(shape))
 
     def closed(self) -> float:
         """Disagreement on the lid, were there no concavity."""
-        return disagreement(self.rays, np.full(len(self.rays), -1.0), 0.0, self.tolerance)[0]
+        return _summary(*disagreement(self.rays, np.full(len(self.rays), -1.0), 0.0, self.tolerance, side=self.side))[0]
+
+    def rim_cost(self, shape: _Shape) -> float:
+        """Disagreement where each place has one grey."""
+        return _summary(*self.costs(shape, even=True))[0]
 
     def cost(self, shape: _Shape) -> float:
         """Disagreement alone, and the price of depth."""
         return self.score(shape)[0] + self.price * np.log2(max(shape.depth, 1.0))
 
+    def simplest(self, shapes: Sequence[_Shape]) -> _Shape:
+        """The first of the shapes, simplest first, that none of the later ones explains the rays better than."""
+        best, costs = shapes[0], self.costs(shapes[0])
+        for shape in shapes[1:]:
+            other = self.costs(shape)
+            if self.advantage(costs, other) > _SURE:
+                best, costs = shape, other
+        return best
+
+    def advantage(self, costs: _Costs, other: _Costs) -> float:
+        """By how many standard errors the rays that both shapes tell of disagree less on the other."""
+        less = np.bincount(self._units, np.where(costs[1] & other[1], costs[0] - other[0], 0.0))
+        return float(less.sum() / max(float(np.sqrt((less**2).sum())), _NOTHING))
+
+
+def _summary(against: Array, told: NDArray[np.bool_]) -> tuple[float, float]:
+    if not told.any():
+        return np.inf, 1.0
+    return float(against[told].mean()), float((against[told] > 1).mean())
+
 
 def measure(
-    stack: Stack, outline: NDArray[np.bool_], centers: Array, deepest: float, tolerance: float
+    stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scene, tolerance: float
 ) -> tuple[Prism, float] | None:
     """The concavity under one opening, or None if the rays do not tell one.
 
@@ -89,33 +154,51 @@ def measure(
         stack: what the views show on the opening's plane.
         outline: (R, C) cells of the opening.
         centers: (V, 3) camera centres.
-        deepest: thickness of the hull below the opening.
+        scene: the hull.
         tolerance: grey levels that one place may differ by.
     """
     pitch = stack.lattice.pitch
-    every = gather(stack, outline, centers)
-    if len(every) < _LEAST_RAYS:
+    ends = _ends(scene, stack.lattice, outline)
+    every = gather(stack, outline, centers, scene)
+    if len(every) < _LEAST_RAYS or not ends:
         return None
-    opening = _Opening(every.sample(_SEARCH_RAYS), outline, deepest / pitch, tolerance)
-    best = _refine(opening, _best_depth(opening, _DEPTHS))
-    few = _Opening(every.sample(_FEW_RAYS), outline, deepest / pitch, tolerance)
-    for leaning in (_oblique(few), _tapered(few)):
+    opening = _Opening(every, _SEARCH_RAYS, outline, ends, tolerance)
+    rim = _Opening(every, _RIM_RAYS, outline, ends, tolerance)
+    best = _refine(rim, _best_depth(opening, _DEPTHS))
+    few = _Opening(every, _FEW_RAYS, outline, ends, tolerance)
+    others = (_countersunk(few), _oblique(few), _tapered(few)) if few.holed else (_tapered(few),)
+    for leaning in others:
         if few.score(leaning)[0] < few.score(best)[0]:
-            leaning = _refine(opening, leaning)
-            if opening.score(leaning)[0] < _LEANING * opening.score(best)[0]:
+            leaning = _refine(rim, leaning if leaning.through else _best_depth(opening, _DEPTHS, leaning))
+            sure = opening.advantage(opening.costs(best), opening.costs(leaning)) > _SURE
+            if sure and opening.score(leaning)[0] < _LEANING * opening.score(best)[0]:
                 best = leaning
     disagreeing, error = opening.score(best)
     closed = opening.closed()
     deep = best.through or best.depth > _DEEP
     if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < _SHALLOWEST + 1):
         return None
+    if not best.through:
+        best = _deepen(opening, _Opening(every, _FINAL_RAYS, outline, ends, tolerance), best)
     throat = best.sink if np.isfinite(best.sink) else 0.0  # the countersink is left to the silhouettes
     fitted = signed_outline(outline) < best.grow - throat
     gain = (closed - disagreeing) * float(np.count_nonzero(fitted))
-    depth = opening.deepest if best.through else best.depth
     return Prism(
-        stack.lattice, fitted, depth * pitch, best.through, error, best.tilt, 0.0 if throat else best.draft
+        stack.lattice, fitted, best.depth * pitch, best.through, error, best.tilt, 0.0 if throat else best.draft
     ), gain
+
+
+def _ends(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[float, ...]:
+    """Depths in cells at which a hole is through: past the nearest part of the hull below, and past all of it."""
+    below = lattice.centers()[outline]
+    crossings, inside = crossings_of(scene, below, np.broadcast_to(-lattice.normal, below.shape), lattice.pitch)
+    if not crossings.shape[1]:
+        return ()
+    near = np.where(inside, crossings[:, 0], np.nan)
+    near = near[np.isfinite(near)]
+    far = float(crossings[np.isfinite(crossings)].max())
+    nearest = float(np.quantile(near, _TOLD_SHARE)) + 1 if len(near) else far + 1
+    return (nearest, far + 1) if far > nearest else (far + 1,)
 
 
 def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Shape:
@@ -125,13 +208,33 @@ def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Sha
     if not opening.price:
         scores = [opening.score(shape)[0] for shape in blind]
         opening.price = _DEEPER * (max(scores) - min(scores))
+    holes = [replace(like, depth=end, through=True) for end in opening.ends if opening.holed]
+    # where background shows, a hole is the simplest
+    return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]])
+
+
+def _countersunk(opening: _Opening) -> _Shape:
+    """The best hole that is countersunk at 45 degrees, perhaps at its far end too."""
     width = float(-signed_outline(opening.outline).min())
-    holes = [replace(like, depth=opening.deepest, through=True)]
-    for share in _THROATS:
-        # countersunk at 45 degrees; perhaps at its far end too
-        throat = replace(holes[0], draft=1.0, sink=float(share) * width)
-        holes += [throat, replace(throat, depth=throat.depth - throat.sink)]
-    return min([*blind, *holes], key=opening.cost)
+    throats = []
+    for end in opening.ends:
+        for share in _THROATS:
+            throat = _Shape(end, draft=1.0, through=True, sink=float(share) * width)
+            throats += [throat, replace(throat, depth=throat.depth - throat.sink)]
+    return min(throats, key=opening.cost)
+
+
+def _deepen(opening: _Opening, full: _Opening, best: _Shape) -> _Shape:
+    """The floor's depth from all rays, where some of them do not tell how much deeper it is."""
+    costs = opening.costs(best)
+    count = min(int(np.log(opening.deepest / best.depth) / np.log(_FINAL_RATIO)), _MOST_DEEPER)
+    deeper = [replace(best, depth=best.depth * _FINAL_RATIO**k) for k in range(1, count + 1)]
+    open_ones = [shape for shape in deeper if opening.advantage(opening.costs(shape), costs) < _SURE]
+    if not open_ones:
+        return best
+    found = full.simplest([best, *open_ones])
+    near = [replace(found, depth=found.depth * _FINAL_RATIO ** (k / 4)) for k in range(-4, 5)]
+    return found if found is best else min(near, key=full.cost)
 
 
 def _oblique(opening: _Opening) -> _Shape:
@@ -153,27 +256,29 @@ def _tapered(opening: _Opening) -> _Shape:
     best = min((_best_depth(opening, _FEW_DEPTHS, _Shape(0.0, draft=d)) for d in _DRAFTS), key=opening.cost)
     step = _DRAFTS[0] / 2
     while step > _FINEST_LEAN:
-        tried = [replace(best, draft=max(best.draft + change, 0.0)) for change in (0, step, -step)]
+        tried = [replace(best, draft=float(np.clip(best.draft + k, 0.0, _MOST_DRAFT))) for k in (0, step, -step)]
         if not best.through:
-            tried += [replace(best, depth=min(best.depth * k, opening.deepest)) for k in (0.9, 1.1)]
+            tried += [
+                replace(best, depth=float(np.clip(best.depth * k, _SHALLOWEST, opening.deepest))) for k in (0.9, 1.1)
+            ]
         better = min(tried, key=opening.cost)
         step = step / 2 if better == best else step
         best = better
     return best
 
 
-def _refine(opening: _Opening, best: _Shape) -> _Shape:
+def _refine(rim: _Opening, best: _Shape) -> _Shape:
     """Depth and outline in turn, in ever smaller steps."""
     step, grows = max(0.1 * best.depth, 2 * _FINEST), best.grow + _GROWS
     while step > _FINEST:
-        best = min((replace(best, grow=float(g)) for g in grows), key=opening.cost)
+        best = min((replace(best, grow=float(g)) for g in grows), key=rim.rim_cost)
         if np.isfinite(best.sink):
-            far = opening.deepest - best.depth  # the countersink at the far end, of the same size or none
+            far = rim.deepest - best.depth  # the countersink at the far end, of the same size or none
             sinks = [max(best.sink + float(k), 0.0) for k in _GROWS / 2]
-            tried = [replace(best, sink=k, depth=opening.deepest - (k if far > 0 else 0.0)) for k in sinks]
-            best = min(tried, key=opening.cost)
+            tried = [replace(best, sink=k, depth=rim.deepest - (k if far > 0 else 0.0)) for k in sinks]
+            best = min(tried, key=rim.rim_cost)
         elif not best.through:
             tried = [replace(best, depth=best.depth + k * step) for k in (-1, -0.5, 0, 0.5, 1)]
-            best = min((t for t in tried if _SHALLOWEST <= t.depth <= opening.deepest), key=opening.cost, default=best)
+            best = min((t for t in tried if _SHALLOWEST <= t.depth <= rim.deepest), key=rim.rim_cost, default=best)
         step /= 2
     return best

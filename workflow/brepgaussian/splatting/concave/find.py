@@ -10,7 +10,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.openings import Stack, enclosed, is_framed, openings, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
 _NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
@@ -76,8 +76,7 @@ def _concavities(views: Views, scene: Scene, stack: Stack, footprint: float, tol
     fits = []
     for outline in outlines:
         if is_framed(stack, outline):
-            deepest = _thickness(scene, stack.lattice, outline)
-            fit = measure(stack, outline, views.cameras.centers, deepest, tolerance)
+            fit = measure(stack, outline, views.cameras.centers, scene, tolerance)
             if fit is not None and _believable(fit[0]):
                 fits.append(fit)
     taken = np.zeros(stack.lattice.shape, bool)
@@ -98,15 +97,6 @@ def _is_floor(region: PlanarRegion, known: Sequence[Prism], tolerance: float) ->
         if along > _PARALLEL and abs(height - prism.depth) < tolerance and not prism.through:
             return True
     return False
-
-
-def _thickness(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> float:
-    """Thickness of the hull under an opening: from the cells that silhouettes have not opened already."""
-    below = lattice.centers()[outline] - 3 * lattice.pitch * lattice.normal  # past the hull's own roughness
-    inside = below[scene.signed_distance(below) < 0]
-    through = scene.distances(inside, np.broadcast_to(-lattice.normal, inside.shape))
-    through = through[np.isfinite(through)]
-    return float(np.median(through)) + 3 * lattice.pitch if len(through) else 0.0
 
 
 def _believable(prism: Prism) -> bool:

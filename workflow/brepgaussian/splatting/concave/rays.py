@@ -1,6 +1,6 @@
-"""Rays through an opening: where they enter, how they walk sideways as they sink, where they meet a wall."""
+"""Rays through an opening: where they enter, how they walk sideways as they sink, where they meet a wall or leave."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import signed_outline
+from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -15,6 +16,8 @@ _STEPS = 32  # of sphere tracing; what is left then is below a tenth of a cell e
 _REACHED = 0.05  # cells
 _SLOWEST = 1e-3  # sideways cells per cell of depth: a ray straight down never leaves
 _BELT_CELLS = 4  # of face around an opening that is looked at too, so that the outline can be judged
+_MOST_CROSSINGS = 6  # of a ray with the hull
+_LID_CELLS = 3.0  # crossings this close to the opening's plane are the lid's own roughness
 
 
 @dataclass(frozen=True)
@@ -25,11 +28,17 @@ class Rays:
         start: (N, 2) where they cross the lattice.
         sideways: (N, 2) how far they go sideways for each cell of depth.
         grey: (N,) float64 grey level, -1 on background.
+        view: (N,) the view that they are of.
+        crossings: (N, C) ascending depths at which they cross the hull below the lattice, infinite for none.
+        inside: (N,) whether they are inside the hull before the first of them.
     """
 
     start: Array
     sideways: Array
     grey: Array
+    view: NDArray[np.int64]
+    crossings: Array
+    inside: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.grey)
@@ -39,29 +48,79 @@ class Rays:
         if len(self) <= count:
             return self
         chosen = np.sort(np.random.default_rng(seed).choice(len(self), count, replace=False))
-        return Rays(self.start[chosen], self.sideways[chosen], self.grey[chosen])
+        return Rays(*(getattr(self, f.name)[chosen] for f in fields(self)))
+
+    def met(self, depth: Array, free: NDArray[np.bool_]) -> Array:
+        """(N,) where a ray that is free down to a depth meets the hull: there, further down, or nowhere (infinite).
+
+        Args:
+            depth: (N,) cells.
+            free: (N,) rays that are free until they leave the part of the hull that they are in.
+        """
+        passed = (self.crossings < depth[:, None]).sum(axis=1)
+        within = (passed + self.inside) % 2 == 1
+        ahead = np.column_stack([self.crossings, np.full((len(self), 2), np.inf)])
+        following = ahead[np.arange(len(self)), passed + (within & free)]
+        return np.where(within & ~free, depth, following)
 
 
-def gather(stack: Stack, outline: NDArray[np.bool_], centers: Array) -> Rays:
+def gather(stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scene) -> Rays:
     """The rays through an opening and a belt around it.
 
     Args:
         stack: what the views show on the opening's plane.
         outline: (R, C) cells of the opening.
         centers: (V, 3) camera centres.
+        scene: the hull.
     """
     lattice = stack.lattice
     rows, columns = np.nonzero(ndimage.binary_dilation(outline, iterations=_BELT_CELLS))
     cells = lattice.centers()[rows, columns]  # (N, 3)
-    starts, sideways, greys = [], [], []
+    starts, sideways, greys, origins, rays, views = [], [], [], [], [], []
     for view, center in enumerate(centers):
         grey = stack.grey[view, rows, columns]
         seen = np.isfinite(grey)
         ray = cells[seen] - center
-        sideways.append(np.column_stack([ray @ lattice.first, ray @ lattice.second]) / -(ray @ lattice.normal)[:, None])
+        ray /= -(ray @ lattice.normal)[:, None]  # one unit of depth
+        sideways.append(np.column_stack([ray @ lattice.first, ray @ lattice.second]))
         starts.append(np.column_stack([rows[seen], columns[seen]]).astype(float))
         greys.append(grey[seen].astype(float))
-    return Rays(np.concatenate(starts), np.concatenate(sideways), np.concatenate(greys))
+        origins.append(cells[seen])
+        rays.append(ray)
+        views.append(np.full(int(seen.sum()), view, np.int64))
+    crossings, inside = crossings_of(scene, np.concatenate(origins), np.concatenate(rays), lattice.pitch)
+    return Rays(
+        np.concatenate(starts),
+        np.concatenate(sideways),
+        np.concatenate(greys),
+        np.concatenate(views),
+        crossings,
+        inside,
+    )
+
+
+def crossings_of(scene: Scene, origins: Array, rays: Array, pitch: float) -> tuple[Array, NDArray[np.bool_]]:
+    """(N, C) depths in cells, below the lid, at which rays cross a hull; (N,) whether they are inside before.
+
+    Args:
+        scene: the hull.
+        origins: (N, 3) on the lid; rays: (N, 3) for one unit of depth.
+        pitch: side of a cell.
+    """
+    length = np.linalg.norm(rays, axis=1)
+    ray, distance = scene.intersections(origins, rays / length[:, None])
+    depth = distance / length[ray] / pitch
+    below = depth > _LID_CELLS
+    ray, depth = ray[below], depth[below]
+    order = np.lexsort([depth, ray])
+    ray, depth = ray[order], depth[order]
+    count = np.bincount(ray, minlength=len(origins))
+    inside = count % 2 == 1  # a ray ends outside
+    place = np.arange(len(ray)) - np.repeat(np.cumsum(count) - count, count)
+    found = np.full((len(origins), min(int(count.max(initial=0)), _MOST_CROSSINGS)), np.inf)
+    first = place < found.shape[1]
+    found[ray[first], place[first]] = depth[first]
+    return found, inside
 
 
 def exits(

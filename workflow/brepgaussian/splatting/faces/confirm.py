@@ -50,6 +50,11 @@ class Face:
     disagreement: float
     bulge: float
 
+    @property
+    def area(self) -> float:
+        """Area of the outline."""
+        return float(self.outline.sum()) * self.lattice.pitch**2
+
 
 def confirm(
     views: Views,

@@ -24,6 +24,9 @@ _OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
 _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
+_ROUNDS = 3
+_LARGER = 1.1  # than before, for a face to be cut again
+_BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: the tighter hull is looked at again
 
 logger = get_logger("stage1")
 
@@ -54,25 +57,49 @@ def flatten_faces(
     Returns:
         The carved field and the faces, those with most area first.
     """
+    luminance = views.luminance
+    faces: list[Face] = []
+    for _ in range(_ROUNDS):
+        field, found = _flatten(views, luminance, patches, field, origin, spacing, mesher, sampler, noise, faces)
+        faces = found + [f for f in faces if not any(_same(f, other, spacing) for other in found)]
+        if max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
+            break
+    for face in faces:
+        logger.info(
+            "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
+            face.area, np.round(face.lattice.normal, 2).tolist(),
+            100 * face.disagreement, face.bulge,
+        )  # fmt: skip
+    return field, faces
+
+
+def _flatten(
+    views: Views,
+    luminance: NDArray[np.float32],
+    patches: NDArray[np.integer],
+    field: Field,
+    origin: Array,
+    spacing: float,
+    mesher: Mesher,
+    sampler: Sampler,
+    noise: float,
+    known: list[Face],
+) -> tuple[Field, list[Face]]:
+    """The planar faces that a hull shows, beyond those that are known, and the hull cut down to them."""
     mesh = mesher(field)
     scene = Scene(*mesh)
-    luminance = views.luminance
     faces: list[Face] = []
     for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
         stack = Stack(views.cameras, patches, candidate)
         aligned = align(stack, candidate, scene)
         face = None if aligned is None else confirm(views, luminance, stack, candidate, aligned, scene, noise)
-        if face is not None and not any(_same(face, other, spacing) for other in faces):
+        if face is None or any(_same(face, other, spacing) for other in faces):
+            continue
+        if not any(_same(face, other, spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
     carved = _carve(field, origin, spacing, faces)
     after = Scene(*mesher(carved))
     kept = [f for f in faces if not _needed(views, f, mesh[0], spacing, after)]
-    for face in kept:
-        logger.info(
-            "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
-            face.outline.sum() * face.lattice.pitch**2, np.round(face.lattice.normal, 2).tolist(),
-            100 * face.disagreement, face.bulge,
-        )  # fmt: skip
     return (carved if len(kept) == len(faces) else _carve(field, origin, spacing, kept)), kept
 
 
