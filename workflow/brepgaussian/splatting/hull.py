@@ -11,6 +11,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.library import load, pointer
+from brepgaussian.splatting.mesh import vertex_normals
 
 if TYPE_CHECKING:
     from brepgaussian.splatting.concave import Prism
@@ -159,17 +160,6 @@ def hull_field(
         for side in (0, -1):
             np.moveaxis(field, axis, 0)[side] = -spacing
     return field, origin, spacing
-
-
-def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Outward unit normals, the triangles' weighted by area."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    face = np.cross(b - a, c - a)
-    normals = np.zeros_like(vertices)
-    for k in range(3):
-        for axis in range(3):
-            normals[:, axis] += np.bincount(triangles[:, k], face[:, axis], len(vertices))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
 
 
 def spread(hull: Hull, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:

@@ -10,6 +10,7 @@ from brepgaussian.splatting.concave.find import find_prisms, grey_tolerance
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.sweep import straighten, subtract
 from brepgaussian.splatting.concave.trim import flatten
+from brepgaussian.splatting.concave.turned import turn
 
 _LEVELS = 3
 _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
@@ -39,6 +40,7 @@ def open_concavities(
     """
     luminance = views.luminance
     field, _ = flatten(views, field, origin, spacing, mesher)
+    field = turn(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
     field, channels = straighten(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
     known: list[Prism] = []
     for _ in range(_LEVELS):

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 _INSET_PX = 1.25  # from the contour: a surface that is right to half a pixel uncovers nothing
 _STRIDE = 3  # between the pixels of a contour
+_CHORD_SAMPLES = 32
 _INNER_STRIDE_PX = 16  # between the rays through a silhouette's middle
 
 
@@ -29,6 +30,12 @@ class Chords:
     entry: Array
     exit: Array
 
+    def samples(self) -> Array:
+        """(S * K, 3) points along the chords, K to each."""
+        share = (np.arange(_CHORD_SAMPLES) + 0.5) / _CHORD_SAMPLES
+        points = self.entry[:, None] + share[:, None] * (self.exit - self.entry)[:, None]  # (S, K, 3)
+        return np.asarray(points.reshape(-1, 3))
+
     def trimmed(self, normal: Array, offset: float) -> "Chords":
         """What is left of them where normal . x <= offset."""
         first, last = self.entry @ normal - offset, self.exit @ normal - offset
@@ -43,6 +50,20 @@ def loss(chords: Chords, left: Chords, normal: Array, offset: float) -> float:
     touched = (chords.entry @ normal > offset) | (chords.exit @ normal > offset)
     rays = np.unique(chords.ray[touched])
     return float(1 - np.isin(rays, left.ray).mean()) if len(rays) else 0.0
+
+
+def lost_share(chords: Chords, removed: NDArray[np.bool_]) -> float:
+    """Share of the rays that touch what is removed that have nothing left outside of it.
+
+    Args:
+        chords: in the solid.
+        removed: (S * K,) which of their samples are removed.
+    """
+    removed = removed.reshape(len(chords.ray), -1)
+    touched, lost = np.unique(chords.ray[removed.any(axis=1)]), np.zeros(int(chords.ray.max(initial=0)) + 1, bool)
+    lost[touched] = True
+    lost[chords.ray[~removed.all(axis=1)]] = False
+    return float(lost.sum() / max(len(touched), 1))
 
 
 def contour_rays(views: Views) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.agreement import disagreements
-from brepgaussian.splatting.concave.contours import chords_in, contour_rays
+from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
@@ -34,7 +34,6 @@ _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 _MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
-_CHORD_SAMPLES = 32
 _MOST_CUTS = 4  # channels of one part
 _MOST_TRIED = 6  # hypotheses for the next one, largest first
 _MARGIN_VOXELS = 4.0  # around a cut in which the field follows it
@@ -78,11 +77,12 @@ def straighten(
         mesh = mesher(field)
         scene = Scene(*mesh)
         chords = chords_in(scene, *rays)
+        samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * spacing) if r.area(*mesh) >= _LEAST_AREA]
         cuts = [c for normal in _directions(regions) for c in _cuts(field, origin, spacing, normal, regions)]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(cuts, key=lambda c: -c.volume)[:_MOST_TRIED]:
-            if _lost(cut.prism, chords.ray, chords.entry, chords.exit) > _MOST_LOST:
+            if lost_share(chords, cut.prism.signed_distance(samples, 0.0) < 0) > _MOST_LOST:
                 continue
             opened = subtract(field, origin, spacing, cut.prism, 0.0)
             old, new, count = disagreements(views, luminance, scene, Scene(*mesher(opened)), 2 * spacing, tolerance)
@@ -158,17 +158,6 @@ def _steps(normal: Array, regions: Sequence[PlanarRegion], spacing: float) -> li
         if not kept or height - kept[-1] > 2 * _END_VOXELS * spacing:
             kept.append(height)
     return kept
-
-
-def _lost(prism: Prism, ray: NDArray[np.int64], entry: Array, end: Array) -> float:
-    """Share of the rays through a cut that have nothing left outside of it."""
-    share = (np.arange(_CHORD_SAMPLES) + 0.5) / _CHORD_SAMPLES
-    points = entry[:, None] + share[:, None] * (end - entry)[:, None]  # (S, K, 3)
-    removed = (prism.signed_distance(points.reshape(-1, 3), 0.0) < 0).reshape(points.shape[:2])
-    touched, lost = np.unique(ray[removed.any(axis=1)]), np.zeros(int(ray.max(initial=0)) + 1, bool)
-    lost[touched] = True
-    lost[ray[~removed.all(axis=1)]] = False
-    return float(lost.sum() / max(len(touched), 1))
 
 
 def subtract(field: Field, origin: Array, spacing: float, prism: Prism, margin: float) -> Field:

@@ -1,0 +1,215 @@
+"""Turned parts: what a hull leaves empty at any angle about the axis of rotation, it leaves empty at all.
+
+A groove around a shaft shows its section where a camera looks along it; between such views a hull closes it. As with
+channels (see `sweep`), a ring of the section that the hull leaves empty somewhere is emptied all around, if the
+silhouettes stay filled and the views agree better.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian import log
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.planes import planar_regions
+from brepgaussian.splatting.concave.prism import plane_axes
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.mesh import vertex_normals
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
+
+_ANGLES = 90  # 4 degrees apart
+_EMPTIEST = (0.05, 0.3)  # share of the angles that count as empty somewhere; the second passes by keyways and flats
+_REWEIGHTINGS = 12
+_NEAR_VOXELS = 3.0  # the normal of a turned surface passes its axis this near
+_LATERAL = 0.3  # sine of a normal's angle to the axis, for it to tell an axis
+_TURNED_SHARE = 0.4  # of the lateral surface is turned
+_SQUARE = 0.9998  # cosine of 1.1 degrees
+_LEAST_LATERAL = 0.1  # of all surface is lateral
+_LEAST_CELLS = 5  # of a ring's section
+_LEAST_VOLUME_VOXELS = 150  # of a ring; less is left to the surfels
+_MOST_RINGS = 4  # tried, largest first
+_MOST_LOST = 0.01  # share of the rays through a ring that it may leave with nothing
+_GAIN = 1.0  # a ring leaves at most this share of the disagreement: being turned speaks for it
+_LEAST_RAYS = 200
+
+logger = log.get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of rotation: (3,) a point on it and (3,) its unit direction."""
+
+    through: Array
+    direction: Array
+
+    def cylindrical(self, points: Array) -> tuple[Array, Array]:
+        """(N,) distances from the axis and (N,) heights along it."""
+        offset = points - self.through
+        height = offset @ self.direction
+        return np.linalg.norm(offset - height[:, None] * self.direction, axis=1), height
+
+
+def turn(
+    views: Views,
+    luminance: NDArray[np.float32],
+    field: Field,
+    origin: Array,
+    spacing: float,
+    mesher: Mesher,
+    tolerance: float,
+) -> Field:
+    """Empty the rings that are empty at some angle.
+
+    Args:
+        views: images and cameras.
+        luminance: (V, H, W) their grey levels.
+        field: (n, n, n) signed distance to the hull, inside positive.
+        origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
+        mesher: turns a field into vertices (K, 3) and triangles (T, 3).
+        tolerance: grey levels that one place may differ by.
+    """
+    mesh = mesher(field)
+    axis = axis_of_rotation(*mesh, _NEAR_VOXELS * spacing)
+    if axis is None:
+        return field
+    chords = chords_in(Scene(*mesh), *contour_rays(views))
+    points = chords.samples()
+    for share in _EMPTIEST:
+        section = _Section(field, origin, spacing, axis, share)
+        for ring in section.rings()[:_MOST_RINGS]:
+            if lost_share(chords, section.within(ring, points)) > _MOST_LOST:
+                continue
+            opened = section.emptied(ring, field, origin, spacing)
+            before = Scene(*mesher(field))
+            old, new, count = disagreements(views, luminance, before, Scene(*mesher(opened)), 0.5 * spacing, tolerance)
+            good = count >= _LEAST_RAYS and new <= _GAIN * old
+            logger.info(
+                "ring about %s, %d cells: views disagree by %.2f for %.2f of the hull, %d rays%s",
+                np.round(axis.direction, 2).tolist(), ring.sum(), new, old, count, "" if good else ": not believed",
+            )  # fmt: skip
+            if good:
+                field = opened
+    return field
+
+
+def axis_of_rotation(vertices: Array, triangles: NDArray[np.int64], near: float) -> Axis | None:
+    """The axis that most of a mesh's normals pass, or None if the mesh is not turned.
+
+    The lines (n, x x n) of the normals of a surface of revolution meet its axis (c, d): d . n + c . (x x n) = 0.
+    Reweighted least squares find the axis in spite of keyways, flats and cross holes.
+
+    Args:
+        vertices: (K, 3); triangles: (T, 3), counter-clockwise from outside.
+        near: distance from the axis within which a normal passes it.
+    """
+    normals = vertex_normals(vertices, triangles)
+    corners = vertices[triangles]
+    thirds = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 6
+    areas: Array = np.bincount(triangles.ravel(), np.repeat(thirds, 3), len(vertices)).astype(np.float64)  # (K,)
+    middle = np.average(vertices, axis=0, weights=areas)
+    lines = np.column_stack([np.cross(vertices - middle, normals), normals])  # (K, 6)
+    found: tuple[float, Axis] | None = None
+    for start in np.linalg.eigh(normals.T @ (areas[:, None] * normals))[1].T:
+        direction, moment = _settle(lines, areas, start, near)
+        lateral = np.linalg.norm(np.cross(normals, direction), axis=1) > _LATERAL
+        passes = np.abs(lines @ np.append(direction, moment)) < near
+        share = areas[lateral & passes].sum() / max(areas[lateral].sum(), 1e-9)
+        enough = areas[lateral].sum() > _LEAST_LATERAL * areas.sum()
+        if enough and share >= _TURNED_SHARE and (found is None or share > found[0]):
+            found = float(share), Axis(middle + np.cross(direction, moment), direction)
+    if found is None:
+        return None
+    for region in planar_regions(vertices, triangles, near):
+        if abs(region.normal @ found[1].direction) > _SQUARE:  # a flat end tells the direction best
+            direction, moment = _settle(lines, areas, region.normal, near, fixed=True)
+            return Axis(middle + np.cross(direction, moment), direction)
+    return found[1]
+
+
+def _settle(lines: Array, areas: Array, direction: Array, near: float, fixed: bool = False) -> tuple[Array, Array]:
+    """Direction (3,) and moment (3,) of the axis next to (or along) a direction that most lines pass."""
+    moment = np.zeros(3)
+    scale = 1.0
+    for _ in range(_REWEIGHTINGS):
+        # the moment for this direction, then a small turn of both
+        first, second = plane_axes(direction)
+        basis = np.zeros((6, 4))
+        basis[:3, 0], basis[:3, 1], basis[3:, 2], basis[3:, 3] = first, second, first, second
+        off = lines @ np.append(direction, moment)
+        weight = areas / (1 + (off / max(scale, near)) ** 2) ** 2
+        design = lines @ basis
+        if fixed:
+            design[:, :2] = 0
+        step = np.linalg.lstsq(
+            design.T @ (weight[:, None] * design) + 1e-12 * np.eye(4), -design.T @ (weight * off), rcond=None
+        )[0]
+        direction = direction + step[0] * first + step[1] * second
+        moment = moment + step[2] * first + step[3] * second
+        length = np.linalg.norm(direction)
+        direction, moment = direction / length, moment / length
+        moment -= (moment @ direction) * direction
+        scale *= 0.5
+    return direction, moment
+
+
+class _Section:
+    """What a hull leaves empty at some angles about an axis, by distance from it and height along it."""
+
+    def __init__(self, field: Field, origin: Array, spacing: float, axis: Axis, share: float) -> None:
+        self.axis, self.spacing = axis, spacing
+        corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
+        radius, height = axis.cylindrical(corners)
+        self.low = float(height.min())
+        r = spacing * np.arange(int(radius.max() / spacing))
+        z = self.low + spacing * np.arange(int((height.max() - self.low) / spacing))
+        first, second = plane_axes(axis.direction)
+        stack = np.empty((_ANGLES, len(r), len(z)), np.float32)
+        for k, angle in enumerate(2 * np.pi * np.arange(_ANGLES) / _ANGLES):
+            out = np.cos(angle) * first + np.sin(angle) * second
+            points = axis.through + r[:, None, None] * out + z[None, :, None] * axis.direction
+            index = ((points - origin) / spacing).reshape(-1, 3).T
+            stack[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(r), len(z))
+        self.least = np.quantile(stack, share, axis=0).astype(np.float32)
+        self.most = stack.max(axis=0)
+        self.radii = r
+
+    def rings(self) -> list[NDArray[np.bool_]]:
+        """(R, Z) cells of the rings that are empty at some angle and full at another, largest first."""
+        labels, count = ndimage.label((self.least < 0) & (self.most > 0))
+        around = 2 * np.pi * self.radii[:, None] / self.spacing * np.ones(labels.shape)  # voxels
+        volume = ndimage.sum(around, labels, np.arange(1, count + 1)) if count else np.zeros(0)
+        order = np.argsort(-volume, kind="stable")
+        cells = np.bincount(labels.ravel())[1:]
+        return [labels == k + 1 for k in order if volume[k] >= _LEAST_VOLUME_VOXELS and cells[k] >= _LEAST_CELLS]
+
+    def within(self, ring: NDArray[np.bool_], points: Array) -> NDArray[np.bool_]:
+        """(N,) whether points lie in a ring."""
+        radius, height = self.axis.cylindrical(points)
+        rows = np.round(radius / self.spacing).astype(int)
+        columns = np.round((height - self.low) / self.spacing).astype(int)
+        inside = (rows < ring.shape[0]) & (columns >= 0) & (columns < ring.shape[1])
+        inside[inside] = ring[rows[inside], columns[inside]]
+        return inside
+
+    def emptied(self, ring: NDArray[np.bool_], field: Field, origin: Array, spacing: float) -> Field:
+        """The field without a ring."""
+        near = ndimage.binary_dilation(ring, iterations=2)
+        profile = np.where(near, self.least, np.inf).astype(np.float32)
+        profile = np.where(np.isfinite(profile), profile, 4 * spacing)
+        steps = [origin[k] + spacing * np.arange(field.shape[k]) for k in range(3)]
+        opened = field.copy()
+        for k, x in enumerate(steps[0]):  # a slice at a time keeps memory low
+            flat = np.stack(np.meshgrid([x], steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 3)
+            radius, height = self.axis.cylindrical(flat)
+            index = np.stack([radius, height - self.low]) / self.spacing
+            value = ndimage.map_coordinates(profile, index, order=1, cval=4 * spacing)
+            opened[k] = np.minimum(opened[k], value.reshape(opened[k].shape))
+        return opened
