@@ -74,4 +74,4 @@ def test_a_groove_around_a_ring_is_emptied(tmp_path):
     before, after = ([found[key][truth.point_face == f].mean() for f in faces] for key in ("before", "after"))
     emptied = [f for f in faces if before[f] > 0.006 and after[f] < 0.4 * before[f]]
     assert {truth.face_types[f] for f in emptied} == {"cylinder", "plane"}  # the groove's bottom and its sides
-    assert all(after[f] < before[f] + 0.002 for f in faces)
+    assert all(after[f] < before[f] + 0.004 for f in faces)  # a third of a voxel
