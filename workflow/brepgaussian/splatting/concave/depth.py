@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Lattice, Prism, signed_outline
-from brepgaussian.splatting.concave.radiance import LEAST_BACKGROUND, PLACE_CELLS, disagreement
+from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
 from brepgaussian.splatting.concave.rays import Rays, crossings_of, exits, gather
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
+_Ends = tuple[float, ...]
 _Costs = tuple[Array, NDArray[np.bool_]]  # (N,) disagreement of rays, (N,) which of them are told
 
 _LEAST_RAYS = 200
@@ -27,6 +28,7 @@ _SHALLOWEST = 3.0  # cells
 _DEEPER = 0.005  # of the range of disagreement: price of each doubling of the depth, against drifting on a plateau
 _SURE = 4.0  # standard errors by which a deeper floor must explain the rays better
 _NOTHING = 1e-9
+_BREAKING = 0.5  # of the rays meet another opening below
 _RESTING = 0.8  # of the rays that reach a floor
 _MOST_PLACE_CELLS = 8.0
 _MOST_DEEPER = 16  # depths tried with all rays
@@ -74,13 +76,19 @@ class _Opening:
     """One opening with its rays; remembers what was tried."""
 
     def __init__(
-        self, every: Rays, count: int, outline: NDArray[np.bool_], ends: tuple[float, ...], tolerance: float
+        self,
+        every: Rays,
+        count: int,
+        outline: NDArray[np.bool_],
+        ends: tuple[float, ...],
+        tolerance: float,
+        breaks: bool,
     ) -> None:
         rays = every.sample(count)
         self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
         # fewer rays need larger places to agree in
         self.side = min(PLACE_CELLS * np.sqrt(len(every) / max(len(rays), 1)), _MOST_PLACE_CELLS)
-        self.holed = (rays.grey < 0).sum() >= LEAST_BACKGROUND
+        self.holed = (rays.grey < 0).sum() >= LEAST_PASSING or breaks
         self.deepest = ends[-1]
         self.price = 0.0  # of each doubling of the depth
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
@@ -158,14 +166,14 @@ def measure(
         tolerance: grey levels that one place may differ by.
     """
     pitch = stack.lattice.pitch
-    ends = _ends(scene, stack.lattice, outline)
+    ends, breaks = _ends(scene, stack.lattice, outline)
     every = gather(stack, outline, centers, scene)
     if len(every) < _LEAST_RAYS or not ends:
         return None
-    opening = _Opening(every, _SEARCH_RAYS, outline, ends, tolerance)
-    rim = _Opening(every, _RIM_RAYS, outline, ends, tolerance)
+    opening = _Opening(every, _SEARCH_RAYS, outline, ends, tolerance, breaks)
+    rim = _Opening(every, _RIM_RAYS, outline, ends, tolerance, breaks)
     best = _refine(rim, _best_depth(opening, _DEPTHS))
-    few = _Opening(every, _FEW_RAYS, outline, ends, tolerance)
+    few = _Opening(every, _FEW_RAYS, outline, ends, tolerance, breaks)
     others = (_countersunk(few), _oblique(few), _tapered(few)) if few.holed else (_tapered(few),)
     for leaning in others:
         if few.score(leaning)[0] < few.score(best)[0]:
@@ -179,7 +187,7 @@ def measure(
     if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < _SHALLOWEST + 1):
         return None
     if not best.through:
-        best = _deepen(opening, _Opening(every, _FINAL_RAYS, outline, ends, tolerance), best)
+        best = _deepen(opening, _Opening(every, _FINAL_RAYS, outline, ends, tolerance, breaks), best)
     throat = best.sink if np.isfinite(best.sink) else 0.0  # the countersink is left to the silhouettes
     fitted = signed_outline(outline) < best.grow - throat
     gain = (closed - disagreeing) * float(np.count_nonzero(fitted))
@@ -188,17 +196,21 @@ def measure(
     ), gain
 
 
-def _ends(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[float, ...]:
-    """Depths in cells at which a hole is through: past the nearest part of the hull below, and past all of it."""
+def _ends(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[_Ends, bool]:
+    """Depths in cells at which a hole is through: past the nearest part of the hull below, and past all of it.
+
+    With them, whether most of the opening lies over another one.
+    """
     below = lattice.centers()[outline]
     crossings, inside = crossings_of(scene, below, np.broadcast_to(-lattice.normal, below.shape), lattice.pitch)
     if not crossings.shape[1]:
-        return ()
+        return (), False
+    breaks = bool(np.isfinite(crossings[:, 2:]).any(axis=1).mean() > _BREAKING)  # out of the hull, in again and out
     near = np.where(inside, crossings[:, 0], np.nan)
     near = near[np.isfinite(near)]
     far = float(crossings[np.isfinite(crossings)].max())
     nearest = float(np.quantile(near, _TOLD_SHARE)) + 1 if len(near) else far + 1
-    return (nearest, far + 1) if far > nearest else (far + 1,)
+    return ((nearest, far + 1) if far > nearest else (far + 1,)), breaks
 
 
 def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Shape:
@@ -209,7 +221,7 @@ def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Sha
         scores = [opening.score(shape)[0] for shape in blind]
         opening.price = _DEEPER * (max(scores) - min(scores))
     holes = [replace(like, depth=end, through=True) for end in opening.ends if opening.holed]
-    # where background shows, a hole is the simplest
+    # where something shows through, a hole is the simplest
     return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]])
 
 

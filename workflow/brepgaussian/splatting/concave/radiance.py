@@ -16,7 +16,7 @@ _CAP = 2.0  # tolerances; greater differences (another surface is in the way) co
 _REWEIGHTINGS = 2
 _LEAST_RAYS = {1: 3, 4: 8}  # of a place, before it says anything, by the number of its coefficients
 _RIDGE = (1e-3, 0.3, 0.3, 0.3)  # in rays; a place in which few rays lie is even
-LEAST_BACKGROUND = 20  # rays, before a hole goes through
+LEAST_PASSING = 20  # rays, before a hole goes through
 _LID, _WALL, _FLOOR, _BEHIND = 0, 1, 2, 3
 
 
@@ -36,7 +36,7 @@ def disagreement(
         exit_depth: (N,) where each meets the wall, negative on the face around the opening.
         depth: of the floor, cells.
         tolerance: grey levels that one place may differ by.
-        through: whether background is to be seen through it.
+        through: whether it leads on, to background or to another opening; some rays have to show that.
         side: of a place, cells.
         even: whether a place has one grey, no gradient; a rim that is off by a cell is told better so.
 
@@ -51,7 +51,7 @@ def disagreement(
     kind[(sunk > np.minimum(exit_depth, depth)) & (kind != _LID)] = _BEHIND
     empty, background = np.isinf(sunk), rays.grey < 0
     against = np.where(empty & background, 0.0, _CAP)
-    if through and (empty & background).sum() < LEAST_BACKGROUND:
+    if through and ((kind != _LID) & (sunk > depth) & (empty == background)).sum() < LEAST_PASSING:
         return np.full(len(rays), _CAP), np.ones(len(rays), bool)
     told = empty | background
     surface = ~told
