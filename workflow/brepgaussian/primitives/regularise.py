@@ -47,8 +47,8 @@ def state_of(
     settings: PrimitivesSettings,
     evidence: list[Evidence] | None = None,
 ) -> State:
-    """Surfaces with their covariances and contacts."""
-    evidence = [gather(p, cloud, noise) for p in patches] if evidence is None else evidence
+    """Surfaces with their covariances (cautious ones unless `evidence` says how much is known) and contacts."""
+    evidence = [gather(p, cloud, noise, cautious=True) for p in patches] if evidence is None else evidence
     surfaces = [p.surface for p in patches]
     covariances = [covariance(s, e) for s, e in zip(surfaces, evidence, strict=True)]
     table = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))

@@ -47,14 +47,17 @@ class Evidence:
     count: float
 
 
-def gather(patch: Patch, cloud: Cloud, noise: Noise) -> Evidence:
-    """Thinned inliers of a patch with weights; they count for as many observations as are independent."""
+def gather(patch: Patch, cloud: Cloud, noise: Noise, cautious: bool = False) -> Evidence:
+    """Thinned inliers of a patch with weights; they count for as many observations as are independent.
+
+    If `cautious` all errors count as slow: what the points may have in common beyond their noise is not known yet.
+    """
     some = thinned(patch.members, SAMPLE)
     distance, turn = residuals(patch.surface, cloud.xyz[some], cloud.normals[some])
     sigma = max(noise.distance, patch.rms)
     good = (distance < CUT * sigma) & (turn < max(4 * noise.turn, np.radians(30.0)))
     chosen = some[good] if good.sum() >= PARAMETERS[patch.surface.kind] else some
-    count = independent(patch, cloud, CUT * sigma)
+    count = float(min(len(chosen), EFFECTIVE)) if cautious else independent(patch, cloud, CUT * sigma)
     return Evidence(cloud.xyz[chosen], np.full(len(chosen), count / (len(chosen) * sigma**2)), count)
 
 
