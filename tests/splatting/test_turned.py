@@ -68,7 +68,7 @@ def test_a_groove_around_a_ring_is_emptied(tmp_path):
         return field, []
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("brepgaussian.splatting.concave.open_concavities", lambda v, f, o, s, m, n: look(f, o, s, m))
+        patch.setattr("brepgaussian.splatting.concave.open_channels", lambda v, f, o, s, m, n: look(f, o, s, m))
         carve(views, 96, 1, True)
     faces = range(len(truth.face_types))
     before, after = ([found[key][truth.point_face == f].mean() for f in faces] for key in ("before", "after"))

@@ -28,11 +28,11 @@ def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
         return ""
     if other["accepted"] and not one["accepted"]:
         return "the images do not accept it"
+    less = one["mask_iou"] < other["mask_iou"] - _IOU_SLACK  # what silhouettes show is not left out
     if other["accepted"]:
-        less = one["mask_iou"] < other["mask_iou"] - _IOU_SLACK
         less |= one["silhouette_px"] > other["silhouette_px"] + _PX_SLACK
     else:
-        less = badness(one, settings) > badness(other, settings)
+        less |= badness(one, settings) > badness(other, settings)
     return f"the images agree less ({one['silhouette_px']:.3f} px, IoU {one['mask_iou']:.5f})" if less else ""
 
 

@@ -134,8 +134,9 @@ def _rebuilt(
             fault = fault or str(error)
             continue
         difference = _difference(attempt, rebuilt)
-        if difference not in ("", OTHER_TOPOLOGY):
-            fault = fault or difference
+        unexplained = sorted(set(rebuilt.verdict.doubts) - set(attempt.verdict.doubts))
+        if difference not in ("", OTHER_TOPOLOGY) or (difference and unexplained):
+            fault = fault or "; ".join([difference, *unexplained])
             continue
         structure, mesh = _inspect(worker, rebuilt, settings)
         poses = result.poses if result.poses.any() else None
@@ -153,6 +154,8 @@ def _as_good(test: Any, result: Any, same: bool) -> bool:
     if same:
         lost = result.accepted and not test.accepted
         return not lost and test.mask_iou > result.mask_iou - _IOU_SLACK and better(test, result.before)
+    if test.mask_iou < max(result.mask_iou, result.before.mask_iou) - _IOU_SLACK:
+        return False  # what silhouettes show is not left out
     if test.accepted != result.before.accepted:
         return bool(test.accepted)
     return bool(test.mask_iou > result.before.mask_iou and not test.silhouette_px > result.before.silhouette_px)

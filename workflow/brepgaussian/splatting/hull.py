@@ -98,18 +98,27 @@ def carve(
             "the silhouettes have no common inside",
             fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
         )
+
+    def mesher(f: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        return _mesh(f, origin, spacing)
+
     faces: list[Face] = []
     prisms: list[Prism] = []
     if patches is not None:
         from brepgaussian.splatting.faces import flatten_faces
 
-        field, faces = flatten_faces(
-            views, patches, field, origin, spacing, lambda f: _mesh(f, origin, spacing), _sample, noise
-        )
+        field, faces = flatten_faces(views, patches, field, origin, spacing, mesher, _sample, noise)
+    if concavities:
+        from brepgaussian.splatting.concave import open_channels
+
+        field, prisms = open_channels(views, field, origin, spacing, mesher, noise)
+    if patches is not None:
+        field, faces = flatten_faces(views, patches, field, origin, spacing, mesher, _sample, noise, faces)
     if concavities:
         from brepgaussian.splatting.concave import open_concavities
 
-        field, prisms = open_concavities(views, field, origin, spacing, lambda f: _mesh(f, origin, spacing), noise)
+        field, more = open_concavities(views, field, origin, spacing, mesher, noise)
+        prisms += more
     vertices, triangles = _mesh(field, origin, spacing)
     return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing, tuple(prisms)), faces
 

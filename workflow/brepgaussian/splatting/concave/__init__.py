@@ -6,8 +6,8 @@ depth: a ray that leaves the opening's outline sideways before it reaches the fl
 show the floor. See `docs/splatting.md`.
 """
 
-from brepgaussian.splatting.concave.carve import open_concavities
+from brepgaussian.splatting.concave.carve import open_channels, open_concavities
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.prism import Prism
 
-__all__ = ["Prism", "find_prisms", "open_concavities"]
+__all__ = ["Prism", "find_prisms", "open_channels", "open_concavities"]

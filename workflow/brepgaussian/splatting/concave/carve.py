@@ -18,6 +18,24 @@ _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that n
 Mesher = Callable[[NDArray[np.float32]], tuple[NDArray[np.float64], NDArray[np.int64]]]
 
 
+def open_channels(
+    views: Views,
+    field: NDArray[np.float32],
+    origin: NDArray[np.float64],
+    spacing: float,
+    mesher: Mesher,
+    noise: float = 0.0,
+) -> tuple[NDArray[np.float32], list[Prism]]:
+    """Cut a hull at its outer planes, and carry on all along what it leaves empty at one end or at one angle.
+
+    Arguments and results are those of `open_concavities`.
+    """
+    luminance, tolerance = views.luminance, grey_tolerance(noise)
+    field, _ = flatten(views, field, origin, spacing, mesher)
+    field, channels = straighten(views, luminance, field, origin, spacing, mesher, tolerance)
+    return turn(views, luminance, field, origin, spacing, mesher, tolerance), channels
+
+
 def open_concavities(
     views: Views,
     field: NDArray[np.float32],
@@ -26,7 +44,7 @@ def open_concavities(
     mesher: Mesher,
     noise: float = 0.0,
 ) -> tuple[NDArray[np.float32], list[Prism]]:
-    """Carve what views show to be open although every silhouette is blind to it.
+    """Carve pockets and holes that views show to be open although every silhouette is blind to them.
 
     Args:
         views: images and cameras.
@@ -39,9 +57,6 @@ def open_concavities(
         The opened field and the concavities.
     """
     luminance = views.luminance
-    field, _ = flatten(views, field, origin, spacing, mesher)
-    field = turn(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
-    field, channels = straighten(views, luminance, field, origin, spacing, mesher, grey_tolerance(noise))
     known: list[Prism] = []
     for _ in range(_LEVELS):
         vertices, triangles = mesher(field)
@@ -51,4 +66,4 @@ def open_concavities(
         for prism in found:
             field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known += found
-    return field, channels + known
+    return field, known

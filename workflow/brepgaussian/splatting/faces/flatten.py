@@ -1,6 +1,6 @@
 """Cut off what a hull has above the planar faces that the images confirm."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ _OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
 _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
-_ROUNDS = 3
+_ROUNDS = 2  # of looking again
 _LARGER = 1.1  # than before, for a face to be cut again
 _BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: the tighter hull is looked at again
 
@@ -40,6 +40,7 @@ def flatten_faces(
     mesher: Mesher,
     sampler: Sampler,
     noise: float = 0.0,
+    known: Sequence[Face] | None = None,
 ) -> tuple[Field, list[Face]]:
     """Find the planar faces and carve the hull down to them.
 
@@ -53,23 +54,26 @@ def flatten_faces(
         mesher: turns a field into vertices (K, 3) and triangles (T, 3), counter-clockwise from outside.
         sampler: spreads points (N, 3) with normals (N, 3) evenly over a mesh.
         noise: standard deviation of the images' noise, grey levels.
+        known: the faces that were found before, to look again in a hull that is tighter now: behind a high bulge are
+            others. None = look for the first time.
 
     Returns:
         The carved field and the faces, those with most area first.
     """
     luminance = views.luminance
-    faces: list[Face] = []
-    for _ in range(_ROUNDS):
+    faces = list(known or [])
+    for _ in range(1 if known is None else _ROUNDS):
+        if known is not None and max((f.bulge for f in faces), default=0.0) < _BLIND_CELLS * spacing:
+            break
         field, found = _flatten(views, luminance, patches, field, origin, spacing, mesher, sampler, noise, faces)
+        for face in found:
+            logger.info(
+                "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
+                face.area, np.round(face.lattice.normal, 2).tolist(), 100 * face.disagreement, face.bulge,
+            )  # fmt: skip
         faces = found + [f for f in faces if not any(_same(f, other, spacing) for other in found)]
         if max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
             break
-    for face in faces:
-        logger.info(
-            "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
-            face.area, np.round(face.lattice.normal, 2).tolist(),
-            100 * face.disagreement, face.bulge,
-        )  # fmt: skip
     return field, faces
 
 
