@@ -20,6 +20,7 @@ from brepgaussian.settings.brep import BrepSettings
 Array = NDArray[np.float64]
 
 OTHER_TOPOLOGY = "its topology differs"
+_HALF = 0.5  # of a patch is explained, or it is left out
 _ROUNDS = 2  # of refining and rebuilding
 _MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
 _SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
@@ -134,9 +135,9 @@ def _rebuilt(
             fault = fault or str(error)
             continue
         difference = _difference(attempt, rebuilt)
-        unexplained = sorted(set(rebuilt.verdict.doubts) - set(attempt.verdict.doubts))
-        if difference not in ("", OTHER_TOPOLOGY) or (difference and unexplained):
-            fault = fault or "; ".join([difference, *unexplained])
+        lost = _left_out(attempt, rebuilt, settings.gate_explained) if difference else ""
+        if difference not in ("", OTHER_TOPOLOGY) or lost:
+            fault = fault or "; ".join(filter(None, (difference, lost)))
             continue
         structure, mesh = _inspect(worker, rebuilt, settings)
         poses = result.poses if result.poses.any() else None
@@ -190,6 +191,13 @@ def _difference(before: Attempt, after: Attempt) -> str:
         return OTHER_TOPOLOGY
     new = set(after.verdict.doubts) - set(before.verdict.doubts)
     return "; ".join(sorted(new)) if len(after.verdict.doubts) > len(before.verdict.doubts) else ""
+
+
+def _left_out(before: Attempt, after: Attempt, gate: float) -> str:
+    """Which patches a rebuilt solid has no face for although the solid before had; empty if none."""
+    pairs = enumerate(zip(before.verdict.explained, after.verdict.explained, strict=False))
+    lost = [str(i) for i, (old, new) in pairs if old >= gate and new < _HALF]
+    return f"it leaves out patches {', '.join(lost)}" if lost else ""
 
 
 def _named(attempt: Attempt) -> tuple[Counter[Any], Counter[Any]]:
