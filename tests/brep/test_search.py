@@ -13,16 +13,16 @@ def attempt(rung, explained=(1.0, 1.0), shape=b"solid", faces=6):
     return Attempt(rung, shape, verdict)
 
 
-def search(*tried):
+def search(*tried, beside=()):
     job = Job((), (), np.zeros((0, 3)), (), None, BrepSettings())
-    return Search(worker=None, job=job, start=0.0, views=None, tried=list(tried))
+    return Search(worker=None, job=job, start=0.0, views=None, tried=list(tried), beside=list(beside))
 
 
 def test_attempts_of_other_explanations_are_not_chosen_from():
     own, other = attempt("support"), attempt("afresh wide", faces=7)
-    assert search(own, other).choose() is own
-    assert search(other).choose() is None
-    assert search(own, other)._rivals(own) == []
+    assert search(own, beside=[other]).choose() is own
+    assert search(beside=[other]).choose() is None
+    assert search(own, beside=[other])._rivals(own) == []
 
 
 def test_a_rebuilt_solid_leaves_out_a_patch_that_had_a_face():

@@ -94,7 +94,7 @@ def climb(
     get_logger("brep").info("judged: %s", {k: v for k, v in judged.items() if k != "refinement"})
     assert chosen.shape is not None
     assert chosen.verdict.structure is not None
-    report = _report(chosen, search.tried, job) | judged
+    report = _report(chosen, [*search.tried, *search.beside], job) | judged
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, report)
 
 

@@ -18,7 +18,6 @@ from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
 
-_AFRESH = "afresh "  # before the rungs of other explanations
 _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
 _SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
@@ -39,7 +38,7 @@ class Search:
         start: time (monotonic) from which the total limit counts.
         views: images that judge; None to do without.
         others: jobs of other explanations of the same points, tried where the images or the points want another solid.
-        tried: all attempts in order.
+        tried: the attempts of this explanation, in order; beside: those of the others, for the report.
         polished: refined solids by the shape that they came from.
     """
 
@@ -49,6 +48,7 @@ class Search:
     views: Views | None
     others: Iterable[Job] = ()
     tried: list[Attempt] = field(default_factory=list)
+    beside: list[Attempt] = field(default_factory=list)
     polished: dict[Shape, Polished] = field(default_factory=dict)
 
     def run(self) -> Polished | None:
@@ -83,7 +83,7 @@ class Search:
                 continue
             search = Search(self.worker, job, self.start, self.views)
             found = search._first(_OTHERS_RUNGS)
-            self.tried += [replace(t, rung=f"{_AFRESH}{t.rung}") for t in search.tried]
+            self.beside += [replace(t, rung=f"afresh {t.rung}") for t in search.tried]
             fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
             kinds = " ".join(p.surface.kind for p in job.patches)
             get_logger("brep").info("afresh as %s: %s", kinds, fault or "taken")
@@ -107,7 +107,7 @@ class Search:
 
     def choose(self) -> Attempt | None:
         """The best attempt by points and coarse silhouettes: without doubts if there is one."""
-        clean = [t for t in self._own() if t.shape is not None and not t.verdict.doubts]
+        clean = [t for t in self.tried if t.shape is not None and not t.verdict.doubts]
         some = clean or self._publishable()
         return _best(some) if some else None
 
@@ -133,7 +133,7 @@ class Search:
 
     def _settled(self) -> bool:
         """Whether a solid is good enough to stop: no doubts, and no rung left that could mend a bare area."""
-        good = [t for t in self._own() if t.shape is not None and not t.verdict.doubts]
+        good = [t for t in self.tried if t.shape is not None and not t.verdict.doubts]
         if not good:
             return False
         done = {t.rung for t in self.tried}
@@ -142,7 +142,7 @@ class Search:
 
     def _repeating(self) -> bool:
         """Whether rungs keep giving one and the same solid: the doubts lie in the primitives, not in the rung."""
-        shapes = [shape_of(t) for t in self._own() if t.shape is not None]
+        shapes = [shape_of(t) for t in self.tried if t.shape is not None]
         return len(shapes) > _SAME_ENOUGH and len(set(shapes[-_SAME_ENOUGH - 1 :])) == 1
 
     def _promising(self, attempt: Attempt) -> bool:
@@ -161,15 +161,11 @@ class Search:
         settings = self.job.settings
         return [
             t
-            for t in self._own()
+            for t in self.tried
             if t.shape is not None
             and t.verdict.explained_all >= settings.weak_explained
             and (t.verdict.iou is None or t.verdict.iou >= settings.weak_iou)
         ]
-
-    def _own(self) -> list[Attempt]:
-        """What was tried of this explanation: the others' attempts stand beside them for the report."""
-        return [t for t in self.tried if not t.rung.startswith(_AFRESH)]
 
     def _rivals(self, chosen: Attempt) -> list[Attempt]:
         """The best solids of other shapes."""

@@ -119,7 +119,7 @@ def carve(
 
         field, more = open_concavities(views, field, origin, spacing, mesher, noise)
         prisms += more
-    vertices, triangles = _mesh(field, origin, spacing)
+    vertices, triangles = mesher(field)
     return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing, tuple(prisms)), faces
 
 

@@ -5,8 +5,9 @@ it would be hit by rays that in truth meet different places, of different greys.
 true one explain the images equally well (all the floor has one grey), the least is right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,10 +81,11 @@ class _Opening:
         every: Rays,
         count: int,
         outline: NDArray[np.bool_],
-        ends: tuple[float, ...],
+        ends: _Ends,
         tolerance: float,
         breaks: bool,
     ) -> None:
+        """Use `count` of all rays; `ends` and `breaks` are those of `_ends`."""
         rays = every.sample(count)
         self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
         # fewer rays need larger places to agree in
@@ -97,19 +99,22 @@ class _Opening:
 
     def costs(self, shape: _Shape, even: bool = False) -> _Costs:
         """(N,) disagreement of the rays, (N,) which of them are told."""
-        if shape.walls not in self._exits:
-            sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
-            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
-            self._exits[shape.walls] = sheared, found
-        sheared, found = self._exits[shape.walls]
+        sheared, found = self._traced(shape)
         return disagreement(
             sheared, found, shape.depth, self.tolerance, shape.through, PLACE_CELLS if even else self.side, even
         )
 
+    def _traced(self, shape: _Shape) -> tuple[Rays, Array]:
+        """The rays in the frame of a shape's walls, and (N,) where they meet these."""
+        if shape.walls not in self._exits:
+            sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
+            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
+            self._exits[shape.walls] = sheared, found
+        return self._exits[shape.walls]
+
     def rests(self, shape: _Shape) -> bool:
         """Whether a floor has the hull below it: most rays that reach it don't go on through what is open already."""
-        self.costs(shape)
-        sheared, found = self._exits[shape.walls]
+        sheared, found = self._traced(shape)
         reached = found >= shape.depth
         below = sheared.met(np.full(len(found), shape.depth), np.zeros(len(found), bool))[reached]
         return bool((below <= shape.depth).sum() >= _RESTING * len(below))
@@ -130,11 +135,16 @@ class _Opening:
         """Disagreement alone, and the price of depth."""
         return self.score(shape)[0] + self.price * np.log2(max(shape.depth, 1.0))
 
-    def simplest(self, shapes: Sequence[_Shape]) -> _Shape:
-        """The first of the shapes, simplest first, that none of the later ones explains the rays better than."""
-        best, costs = shapes[0], self.costs(shapes[0])
+    def simplest(self, shapes: Sequence[_Shape], known: Mapping[_Shape, _Costs] = MappingProxyType({})) -> _Shape:
+        """One of the shapes, simplest first: a later one replaces it only if that surely explains the rays better.
+
+        Args:
+            shapes: in order.
+            known: costs that were computed already.
+        """
+        best, costs = shapes[0], known.get(shapes[0]) or self.costs(shapes[0])
         for shape in shapes[1:]:
-            other = self.costs(shape)
+            other = known.get(shape) or self.costs(shape)
             if self.advantage(costs, other) > _SURE:
                 best, costs = shape, other
         return best
@@ -217,12 +227,14 @@ def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Sha
     """The best of some depths, of walls that lean like those of another shape."""
     depths = np.unique(np.geomspace(_SHALLOWEST, max(opening.deepest, _SHALLOWEST), count))
     blind = [replace(like, depth=float(d), through=False) for d in depths]
+    known: dict[_Shape, _Costs] = {}
     if not opening.price:
-        scores = [opening.score(shape)[0] for shape in blind]
+        known = {shape: opening.costs(shape) for shape in blind}
+        scores = [_summary(*costs)[0] for costs in known.values()]
         opening.price = _DEEPER * (max(scores) - min(scores))
     holes = [replace(like, depth=end, through=True) for end in opening.ends if opening.holed]
     # where something shows through, a hole is the simplest
-    return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]])
+    return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]], known)
 
 
 def _countersunk(opening: _Opening) -> _Shape:

@@ -39,6 +39,8 @@ _MOST_RINGS = 4  # tried, largest first
 _MOST_LOST = 0.01  # share of the rays through a ring that it may leave with nothing
 _GAIN = 1.0  # a ring leaves at most this share of the disagreement: being turned speaks for it
 _LEAST_RAYS = 200
+_REACH_VOXELS = 0.5  # rays on which a ring changes less than this don't judge it
+_BEYOND_VOXELS = 4.0  # distance that stands for "outside of the ring": nothing is cut there
 
 logger = log.get_logger("stage1")
 
@@ -80,23 +82,24 @@ def turn(
     axis = axis_of_rotation(*mesh, _NEAR_VOXELS * spacing)
     if axis is None:
         return field
-    chords = chords_in(Scene(*mesh), *contour_rays(views))
+    scene = Scene(*mesh)
+    chords = chords_in(scene, *contour_rays(views))
     points = chords.samples()
     for share in _EMPTIEST:
         section = _Section(field, origin, spacing, axis, share)
         for ring in section.rings()[:_MOST_RINGS]:
             if lost_share(chords, section.within(ring, points)) > _MOST_LOST:
                 continue
-            opened = section.emptied(ring, field, origin, spacing)
-            before = Scene(*mesher(field))
-            old, new, count = disagreements(views, luminance, before, Scene(*mesher(opened)), 0.5 * spacing, tolerance)
+            opened = section.emptied(ring, field, origin)
+            after = Scene(*mesher(opened))
+            old, new, count = disagreements(views, luminance, scene, after, _REACH_VOXELS * spacing, tolerance)
             good = count >= _LEAST_RAYS and new <= _GAIN * old
             logger.info(
                 "ring about %s, %d cells: views disagree by %.2f for %.2f of the hull, %d rays%s",
                 np.round(axis.direction, 2).tolist(), ring.sum(), new, old, count, "" if good else ": not believed",
             )  # fmt: skip
             if good:
-                field = opened
+                field, scene = opened, after
     return field
 
 
@@ -199,17 +202,17 @@ class _Section:
         inside[inside] = ring[rows[inside], columns[inside]]
         return inside
 
-    def emptied(self, ring: NDArray[np.bool_], field: Field, origin: Array, spacing: float) -> Field:
+    def emptied(self, ring: NDArray[np.bool_], field: Field, origin: Array) -> Field:
         """The field without a ring."""
+        beyond = _BEYOND_VOXELS * self.spacing
         near = ndimage.binary_dilation(ring, iterations=2)
-        profile = np.where(near, self.least, np.inf).astype(np.float32)
-        profile = np.where(np.isfinite(profile), profile, 4 * spacing)
-        steps = [origin[k] + spacing * np.arange(field.shape[k]) for k in range(3)]
+        profile = np.where(near, self.least, beyond)
+        steps = [origin[k] + self.spacing * np.arange(field.shape[k]) for k in range(3)]
         opened = field.copy()
         for k, x in enumerate(steps[0]):  # a slice at a time keeps memory low
             flat = np.stack(np.meshgrid([x], steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 3)
             radius, height = self.axis.cylindrical(flat)
             index = np.stack([radius, height - self.low]) / self.spacing
-            value = ndimage.map_coordinates(profile, index, order=1, cval=4 * spacing)
+            value = ndimage.map_coordinates(profile, index, order=1, cval=beyond)
             opened[k] = np.minimum(opened[k], value.reshape(opened[k].shape))
         return opened

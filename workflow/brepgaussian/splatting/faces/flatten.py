@@ -58,12 +58,12 @@ def flatten_faces(
             others. None = look for the first time.
 
     Returns:
-        The carved field and the faces, those with most area first.
+        The carved field and the faces, those that were found last first, best confirmed first among them.
     """
     luminance = views.luminance
-    faces = list(known or [])
+    faces = found = list(known or [])
     for _ in range(1 if known is None else _ROUNDS):
-        if known is not None and max((f.bulge for f in faces), default=0.0) < _BLIND_CELLS * spacing:
+        if known is not None and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
             break
         field, found = _flatten(views, luminance, patches, field, origin, spacing, mesher, sampler, noise, faces)
         for face in found:
@@ -72,8 +72,6 @@ def flatten_faces(
                 face.area, np.round(face.lattice.normal, 2).tolist(), 100 * face.disagreement, face.bulge,
             )  # fmt: skip
         faces = found + [f for f in faces if not any(_same(f, other, spacing) for other in found)]
-        if max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
-            break
     return field, faces
 
 
