@@ -63,25 +63,36 @@ PARTS: dict[str, PartInfo] = {
     "knob": PartInfo("turned", "a spherical cap, a cone and a blind hole", TUNED),
     "v_block": PartInfo("prismatic", "oblique walls over a narrow slot", HOLDOUT),
     "dovetail": PartInfo("prismatic", "an undercut", HOLDOUT),
-    "keyed_hub": PartInfo("turned", "a keyway that breaks a bore", HOLDOUT),
-    "countersink_plate": PartInfo(
-        "prismatic", "countersinks (cones into cylinders) and a slot with round ends", HOLDOUT
-    ),
+    "keyed_hub": PartInfo("turned", "a keyway that breaks a bore", TUNED),
+    "countersink_plate": PartInfo("prismatic", "countersinks (cones into cylinders) and a slot with round ends", TUNED),
     "bearing_race": PartInfo("turned", "a shallow torus between cylinders, small chamfers", HOLDOUT),
     "link_rod": PartInfo("turned", "walls tangent to two cylinders", HOLDOUT),
     "step_bracket": PartInfo(
         "machine", "a slot with round ends, a blind hole and rounded corners on two steps", HOLDOUT
     ),
-    "v_pulley": PartInfo("machine", "a V groove of cones and a thin web recessed on both sides", HOLDOUT),
-    "hinge_leaf": PartInfo("machine", "a thin wall tangent to a bored barrel, countersunk holes", HOLDOUT),
+    "v_pulley": PartInfo("machine", "a V groove of cones and a thin web recessed on both sides", TUNED),
+    "hinge_leaf": PartInfo("machine", "a thin wall tangent to a bored barrel, countersunk holes", TUNED),
     "bearing_cap": PartInfo("machine", "half a bore with an inner groove over an open base", HOLDOUT),
-    "clevis_fork": PartInfo("machine", "two cheeks with round ends, a cross bore, a blind hole in a shank", HOLDOUT),
-    "t_nut": PartInfo("machine", "small bevels, an undercut under shoulders, one chamfered bore", HOLDOUT),
-    "flanged_bushing": PartInfo("machine", "a rounded shoulder, chamfers and a hole through a curved wall", HOLDOUT),
-    "ribbed_base": PartInfo("machine", "thin ribs that run into a cylinder, a deep blind bore", HOLDOUT),
+    "clevis_fork": PartInfo("machine", "two cheeks with round ends, a cross bore, a blind hole in a shank", TUNED),
+    "t_nut": PartInfo("machine", "small bevels, an undercut under shoulders, one chamfered bore", TUNED),
+    "flanged_bushing": PartInfo("machine", "a rounded shoulder, chamfers and a hole through a curved wall", TUNED),
+    "ribbed_base": PartInfo("machine", "thin ribs that run into a cylinder, a deep blind bore", TUNED),
     "hex_bolt": PartInfo(
         "machine", "cone against planes in hyperbolas on one side, coaxial steps on the other", HOLDOUT
     ),
+    "keyed_shaft": PartInfo("fixture", "a blind keyway on a cylinder, a narrow ring groove, small chamfers", HOLDOUT),
+    "tube_connector": PartInfo(
+        "fixture", "inner walls that only the ends show, a hidden shoulder, holes in pairs", HOLDOUT
+    ),
+    "pipe_elbow": PartInfo("fixture", "a torus between cylinders outside and inside, small holes in a flange", HOLDOUT),
+    "shoulder_screw": PartInfo("fixture", "a blind hexagonal socket, a rounded rim", HOLDOUT),
+    "pocket_housing": PartInfo(
+        "fixture", "a deep pocket with rounded corners, a port, drilled holes with conical tips", HOLDOUT
+    ),
+    "ball_lever": PartInfo("fixture", "an oblique cone between a cylinder and a sphere, a small radial hole", HOLDOUT),
+    "cock_plug": PartInfo("fixture", "a cylinder through a cone, a square end on a round stem", HOLDOUT),
+    "cover_lid": PartInfo("fixture", "rounded corners, four countersunk holes, a spigot on the other side", HOLDOUT),
+    "seat_block": PartInfo("fixture", "a spherical hollow met by a cone and a cylinder", HOLDOUT),
 }
 
 
