@@ -65,7 +65,13 @@ def test_a_ring_shaped_opening_keeps_its_island():
     ring = (radius > 20) & (radius < 40)
     shown = np.zeros((20, 120, 110), np.uint8)  # the lid's grey
     shown[::3, ring] = 1  # a third of the views see something else
-    stack = Stack(Lattice(np.zeros(3), *np.eye(3), 0.005, ring.shape), np.ones(ring.shape, bool), shown, shown * 1.0)
+    stack = Stack(
+        Lattice(np.zeros(3), *np.eye(3), 0.005, ring.shape),
+        np.ones(ring.shape, bool),
+        shown,
+        shown * 1.0,
+        np.zeros(ring.shape),
+    )
     found = openings(stack, 0.001)
     overlap = [(o & ring).sum() / (o | ring).sum() for o in found]
     assert max(overlap) > 0.9

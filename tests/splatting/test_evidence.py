@@ -68,7 +68,7 @@ def test_views_agree_at_the_true_depth_only():
     count, depth = 20_000, 14.0
     start = rng.uniform([10, 10], [49, 39], (count, 2))
     sideways = rng.uniform(-1.5, 1.5, (count, 2))
-    everywhere = (np.arange(count) % 7, np.zeros((count, 0)), np.ones(count, bool))  # solid below
+    everywhere = (np.arange(count) % 7, np.zeros((count, 0)), np.ones(count, bool), np.zeros(count))  # solid below
     blank = Rays(start, sideways, np.zeros(count), *everywhere)
     leaves = exits(blank, outline, 40.0)
     sunk = np.minimum(leaves, depth)

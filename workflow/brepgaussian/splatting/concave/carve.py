@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.find import find_prisms, grey_tolerance
+from brepgaussian.splatting.concave.find import find_curved, find_prisms, grey_tolerance
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.sweep import straighten, subtract
 from brepgaussian.splatting.concave.trim import flatten
@@ -66,4 +66,8 @@ def open_concavities(
         for prism in found:
             field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known += found
+    vertices, triangles = mesher(field)
+    for prism in find_curved(views, luminance, vertices, triangles, spacing, noise, known):
+        field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
+        known.append(prism)
     return field, known

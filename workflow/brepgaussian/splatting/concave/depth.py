@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.openings import Stack
-from brepgaussian.splatting.concave.prism import Lattice, Prism, signed_outline
+from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
 from brepgaussian.splatting.concave.rays import Rays, crossings_of, exits, gather
 from brepgaussian.splatting.concave.scene import Scene
@@ -39,6 +39,7 @@ _UNIT_CELLS = 3  # rays of one view this close to each other err together
 _TOLD_SHARE = 0.9  # of the rays through an opening leave the hull before the depth of a hole through its nearest part
 _GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
 _THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
+_COUNTERSINK_RATIO = 1.2  # of the drafts tried first: 45 degrees, then 40 and 50
 _FINEST = 0.25  # cells
 _RIM_RAYS = 60_000
 _FEW_RAYS = 8_000  # for many shapes of leaning walls
@@ -48,6 +49,8 @@ _DRAFTS = (0.25, 0.5, 1.0)
 _MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
 _LEANING = 0.9  # walls lean only if that leaves at most this share of the straight ones' disagreement
+_CHAMFERED = 0.97  # the same for a hole's rim alone
+_LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _DEEP = 7.0  # cells
 _SHALLOW_GAIN = 0.4  # for what is shallower: a lid that is badly placed looks like it
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid
@@ -87,6 +90,8 @@ class _Opening:
     ) -> None:
         """Use `count` of all rays; `ends` and `breaks` are those of `_ends`."""
         rays = every.sample(count)
+        self.face = float(every.entry.max())  # the deepest that the face lies below the lattice
+        self.shallowest = self.face + _SHALLOWEST
         self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
         # fewer rays need larger places to agree in
         self.side = min(PLACE_CELLS * np.sqrt(len(every) / max(len(rays), 1)), _MOST_PLACE_CELLS)
@@ -176,7 +181,7 @@ def measure(
         tolerance: grey levels that one place may differ by.
     """
     pitch = stack.lattice.pitch
-    ends, breaks = _ends(scene, stack.lattice, outline)
+    ends, breaks = _ends(scene, stack, outline)
     every = gather(stack, outline, centers, scene)
     if len(every) < _LEAST_RAYS or not ends:
         return None
@@ -184,35 +189,49 @@ def measure(
     rim = _Opening(every, _RIM_RAYS, outline, ends, tolerance, breaks)
     best = _refine(rim, _best_depth(opening, _DEPTHS))
     few = _Opening(every, _FEW_RAYS, outline, ends, tolerance, breaks)
-    others = (_countersunk(few), _oblique(few), _tapered(few)) if few.holed else (_tapered(few),)
+    others = (_countersunk(few, best), _tapered(few), *([_oblique(few)] if few.holed else []))
     for leaning in others:
         if few.score(leaning)[0] < few.score(best)[0]:
-            leaning = _refine(rim, leaning if leaning.through else _best_depth(opening, _DEPTHS, leaning))
+            sunk = np.isfinite(leaning.sink)
+            leaning = _refine(rim, leaning if leaning.through or sunk else _best_depth(opening, _DEPTHS, leaning))
             sure = opening.advantage(opening.costs(best), opening.costs(leaning)) > _SURE
-            if sure and opening.score(leaning)[0] < _LEANING * opening.score(best)[0]:
+            share = opening.score(leaning)[0] / opening.score(best)[0]
+            if sure and share < (_CHAMFERED if sunk else _LEANING) and leaning.sink > _LEAST_SINK:
                 best = leaning
     disagreeing, error = opening.score(best)
     closed = opening.closed()
-    deep = best.through or best.depth > _DEEP
-    if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < _SHALLOWEST + 1):
+    deep = best.through or best.depth - opening.face > _DEEP
+    if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < opening.shallowest + 1):
         return None
+    endless = False
     if not best.through:
+        endless = opening.advantage(opening.costs(replace(best, depth=opening.ends[0])), opening.costs(best)) < _SURE
         best = _deepen(opening, _Opening(every, _FINAL_RAYS, outline, ends, tolerance, breaks), best)
-    throat = best.sink if np.isfinite(best.sink) else 0.0  # the countersink is left to the silhouettes
-    fitted = signed_outline(outline) < best.grow - throat
+    fitted = signed_outline(outline) < best.grow
     gain = (closed - disagreeing) * float(np.count_nonzero(fitted))
-    return Prism(
-        stack.lattice, fitted, best.depth * pitch, best.through, error, best.tilt, 0.0 if throat else best.draft
-    ), gain
+    prism = Prism(
+        stack.lattice,
+        fitted,
+        best.depth * pitch,
+        best.through,
+        error,
+        best.tilt,
+        best.draft,
+        best.sink * pitch,
+        endless,
+    )
+    return prism, gain
 
 
-def _ends(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[_Ends, bool]:
+def _ends(scene: Scene, stack: Stack, outline: NDArray[np.bool_]) -> tuple[_Ends, bool]:
     """Depths in cells at which a hole is through: past the nearest part of the hull below, and past all of it.
 
     With them, whether most of the opening lies over another one.
     """
-    below = lattice.centers()[outline]
+    lattice = stack.lattice
+    below = stack.surface()[outline]
     crossings, inside = crossings_of(scene, below, np.broadcast_to(-lattice.normal, below.shape), lattice.pitch)
+    crossings += stack.relief[outline][:, None] / lattice.pitch
     if not crossings.shape[1]:
         return (), False
     breaks = bool(np.isfinite(crossings[:, 2:]).any(axis=1).mean() > _BREAKING)  # out of the hull, in again and out
@@ -225,7 +244,7 @@ def _ends(scene: Scene, lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[_
 
 def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Shape:
     """The best of some depths, of walls that lean like those of another shape."""
-    depths = np.unique(np.geomspace(_SHALLOWEST, max(opening.deepest, _SHALLOWEST), count))
+    depths = np.unique(np.geomspace(opening.shallowest, max(opening.deepest, opening.shallowest), count))
     blind = [replace(like, depth=float(d), through=False) for d in depths]
     known: dict[_Shape, _Costs] = {}
     if not opening.price:
@@ -237,15 +256,33 @@ def _best_depth(opening: _Opening, count: int, like: _Shape = _STRAIGHT) -> _Sha
     return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]], known)
 
 
-def _countersunk(opening: _Opening) -> _Shape:
-    """The best hole that is countersunk at 45 degrees, perhaps at its far end too."""
+def _countersunk(opening: _Opening, straight: _Shape) -> _Shape:
+    """The best countersunk or chamfered hole (perhaps at its far end too), or blind one as deep as a straight one."""
     width = float(-signed_outline(opening.outline).min())
+    shapes = [_Shape(end, through=True) for end in opening.ends] if opening.holed else []
+    if not straight.through:
+        shapes.append(straight)
     throats = []
-    for end in opening.ends:
+    for shape in shapes:
         for share in _THROATS:
-            throat = _Shape(end, draft=1.0, through=True, sink=float(share) * width)
-            throats += [throat, replace(throat, depth=throat.depth - throat.sink)]
-    return min(throats, key=opening.cost)
+            throat = replace(shape, draft=1.0, sink=float(share) * width)
+            throats.append(throat)
+            if shape.through:
+                throats.append(replace(throat, depth=throat.depth - throat.sink))
+    best = min(throats, key=opening.cost)
+    widest = float(_THROATS[-1]) * width
+    step = 1.0
+    while step > _FINEST:
+        moves = [
+            replace(best, grow=best.grow + g * step, sink=float(np.clip(best.sink + k * step, 0.0, widest)))
+            for g, k in ((0, 0), (1, 1), (-1, -1), (0, 1), (0, -1))  # the rim or the throat moves
+        ]
+        drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
+        moves += [replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT]
+        better = min(moves, key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
 
 
 def _deepen(opening: _Opening, full: _Opening, best: _Shape) -> _Shape:
@@ -283,7 +320,8 @@ def _tapered(opening: _Opening) -> _Shape:
         tried = [replace(best, draft=float(np.clip(best.draft + k, 0.0, _MOST_DRAFT))) for k in (0, step, -step)]
         if not best.through:
             tried += [
-                replace(best, depth=float(np.clip(best.depth * k, _SHALLOWEST, opening.deepest))) for k in (0.9, 1.1)
+                replace(best, depth=float(np.clip(best.depth * k, opening.shallowest, opening.deepest)))
+                for k in (0.9, 1.1)
             ]
         better = min(tried, key=opening.cost)
         step = step / 2 if better == best else step
@@ -299,10 +337,12 @@ def _refine(rim: _Opening, best: _Shape) -> _Shape:
         if np.isfinite(best.sink):
             far = rim.deepest - best.depth  # the countersink at the far end, of the same size or none
             sinks = [max(best.sink + float(k), 0.0) for k in _GROWS / 2]
-            tried = [replace(best, sink=k, depth=rim.deepest - (k if far > 0 else 0.0)) for k in sinks]
+            tried = [replace(best, sink=k) for k in sinks]
+            if best.through:
+                tried = [replace(t, depth=rim.deepest - (t.sink if far > 0 else 0.0)) for t in tried]
             best = min(tried, key=rim.rim_cost)
-        elif not best.through:
+        if not best.through:
             tried = [replace(best, depth=best.depth + k * step) for k in (-1, -0.5, 0, 0.5, 1)]
-            best = min((t for t in tried if _SHALLOWEST <= t.depth <= rim.deepest), key=rim.rim_cost, default=best)
+            best = min((t for t in tried if rim.shallowest <= t.depth <= rim.deepest), key=rim.rim_cost, default=best)
         step /= 2
     return best

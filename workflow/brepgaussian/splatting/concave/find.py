@@ -4,14 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
+from brepgaussian.splatting.concave.join import joined
 from brepgaussian.splatting.concave.openings import Stack, enclosed, is_framed, openings, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.mesh import vertex_normals
 
 _NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
 _SIGMAS = 3.0
@@ -21,6 +25,8 @@ _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
 _PARALLEL = 0.999  # cosine of 2.5 degrees
+_LID_SHARE = 0.5  # of an opening in a curved face is closed by the hull
+_LEAST_CURVED_CELLS = 7.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 
 logger = log.get_logger("stage1")
@@ -61,6 +67,47 @@ def find_prisms(
             continue
         stack = rectify(views, luminance, scene, lattice, tolerance)
         found += _concavities(views, scene, stack, footprint, tolerance)
+    return joined(found, 2 * cell)
+
+
+def find_curved(
+    views: Views,
+    luminance: NDArray[np.float32],
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    cell: float,
+    noise: float = 0.0,
+    known: Sequence[Prism] = (),
+) -> list[Prism]:
+    """Find holes and pockets in the curved faces of a hull. Arguments and results are those of `find_prisms`."""
+    scene = Scene(vertices, triangles)
+    footprint = views.cameras.footprint()
+    tolerance = grey_tolerance(noise)
+    free = np.ones(len(vertices), bool)
+    for region in planar_regions(vertices, triangles, 2 * cell):
+        free[triangles[region.triangles].ravel()] = False
+    for prism in known:
+        free &= np.abs(prism.signed_distance(vertices, 2 * cell)) > 2 * cell
+    normals = vertex_normals(vertices, triangles)
+    pitch, width = _PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
+    found: list[Prism] = []
+    slack = 2 * pitch
+    for spot in spots(views, luminance, scene, vertices, normals, free, cell, pitch, width, tolerance):
+        stack = rectify(views, luminance, scene, spot.lattice, tolerance, spot.relief)
+        for outline in openings(stack, width**2):
+            places = stack.surface()[outline]
+            middle = places.mean(axis=0)[None]
+            if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in [*known, *found]):
+                continue
+            if (np.abs(scene.signed_distance(places)) < slack).mean() < _LID_SHARE:
+                continue  # open already
+            # looked at again from over its own middle: there the face's normal is the direction of a hole
+            square = spot_around(places, vertices, normals, cell, pitch) if is_framed(stack, outline) else None
+            if square is not None:
+                again = rectify(views, luminance, scene, square.lattice, tolerance, square.relief)
+                shallow = _LEAST_CURVED_CELLS * pitch + square.relief.max()
+                fits = _concavities(views, scene, again, footprint, tolerance, centered=True)
+                found += [prism for prism in fits if prism.depth > shallow]
     return found
 
 
@@ -69,10 +116,15 @@ def grey_tolerance(noise: float) -> float:
     return max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
 
 
-def _concavities(views: Views, scene: Scene, stack: Stack, footprint: float, tolerance: float) -> list[Prism]:
-    """What lies under the openings of one plane, best told first, none over another."""
+def _concavities(
+    views: Views, scene: Scene, stack: Stack, footprint: float, tolerance: float, centered: bool = False
+) -> list[Prism]:
+    """What lies under the openings of one face (or under its middle), best told first, none over another."""
     least = (_LEAST_WIDTH_PIXELS * footprint) ** 2
     outlines = openings(stack, least) + enclosed(stack, least, tolerance)
+    if centered:
+        middle = tuple(n // 2 for n in stack.lattice.shape)
+        outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
     fits = []
     for outline in outlines:
         if is_framed(stack, outline):
@@ -102,13 +154,14 @@ def _is_floor(region: PlanarRegion, known: Sequence[Prism], tolerance: float) ->
 def _believable(prism: Prism) -> bool:
     good = prism.error <= _MAXIMUM_ERROR and prism.depth >= _LEAST_DEPTH_CELLS * prism.lattice.pitch
     logger.info(
-        "opening of area %.4f, normal %s: depth %.4f, %s, tilt %s, draft %.2f, %.0f %% of rays against it%s",
+        "opening of area %.4f, normal %s: depth %.4f, %s, tilt %s, draft %.2f to %.4f, %.0f %% of rays against it%s",
         prism.area,
         np.round(prism.lattice.normal, 2).tolist(),
         prism.depth,
-        "through" if prism.through else "blind",
+        "through" if prism.through else "endless" if prism.endless else "blind",
         np.round(prism.tilt, 2).tolist(),
         prism.draft,
+        prism.sink,
         100 * prism.error,
         "" if good else ": not believed",
     )

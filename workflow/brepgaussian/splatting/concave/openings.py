@@ -1,4 +1,4 @@
-"""Where views disagree with a lid: openings in a plane of the hull."""
+"""Where views disagree with a lid: openings in a plane or a smooth face of the hull."""
 
 from dataclasses import dataclass
 
@@ -32,20 +32,33 @@ class Stack:
     """What every view shows on a lattice.
 
     Attributes:
-        lattice: on the plane.
-        domain: (R, C) bool cells inside the plane's outer border and not inside the solid.
+        lattice: on the plane, or on a plane that touches a curved face.
+        domain: (R, C) bool cells inside the face's outer border and not inside the solid.
         shown: (V, R, C) uint8 one of LID, WALL, BACKGROUND, UNSEEN.
         grey: (V, R, C) float32 grey level, -1 on background, NaN unseen.
+        relief: (R, C) how far the face lies below the lattice.
     """
 
     lattice: Lattice
     domain: NDArray[np.bool_]
     shown: NDArray[np.uint8]
     grey: NDArray[np.float32]
+    relief: Array
+
+    def surface(self) -> Array:
+        """(R, C, 3) places on the face below the lattice's cells."""
+        return self.lattice.centers() - self.relief[..., None] * self.lattice.normal
 
 
-def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice: Lattice, tolerance: float) -> Stack:
-    """Look at a plane through all views.
+def rectify(
+    views: Views,
+    luminance: NDArray[np.float32],
+    scene: Scene,
+    lattice: Lattice,
+    tolerance: float,
+    relief: Array | None = None,
+) -> Stack:
+    """Look at a face through all views.
 
     Args:
         views: images and cameras.
@@ -53,29 +66,69 @@ def rectify(views: Views, luminance: NDArray[np.float32], scene: Scene, lattice:
         scene: the hull.
         lattice: cells on the plane.
         tolerance: grey levels that one place may differ by.
+        relief: (R, C) how far a curved face lies below the lattice; None = a plane.
     """
-    cells = lattice.centers().reshape(-1, 3)
+    if relief is None:
+        relief = np.zeros(lattice.shape)
+    cells = (lattice.centers() - relief[..., None] * lattice.normal).reshape(-1, 3)
+    slopes = np.gradient(relief, lattice.pitch)  # of the face, downwards
+    normals = lattice.normal + slopes[0][..., None] * lattice.first + slopes[1][..., None] * lattice.second
+    normals = (normals / np.linalg.norm(normals, axis=-1, keepdims=True)).reshape(-1, 3)
     slack = 2.5 * lattice.pitch
     distance = scene.signed_distance(cells)
     on_hull = (np.abs(distance) < slack).reshape(lattice.shape)
     domain = ndimage.binary_fill_holes(on_hull) & (distance > -slack).reshape(lattice.shape)
+    grey, shown = _look(views, luminance, scene, cells, normals, lattice.pitch, domain.ravel(), tolerance)
+    shape = (len(grey), *lattice.shape)
+    return Stack(lattice, domain, shown.reshape(shape), grey.reshape(shape), relief)
+
+
+def refuted_share(
+    views: Views,
+    luminance: NDArray[np.float32],
+    scene: Scene,
+    places: Array,
+    normals: Array,
+    pitch: float,
+    tolerance: float,
+) -> Array:
+    """(N,) share of the views of places (N, 3) on a hull that don't show what the others show there."""
+    everywhere = np.ones(len(places), bool)
+    return _against(_look(views, luminance, scene, places, normals, pitch, everywhere, tolerance)[1])
+
+
+def _look(
+    views: Views,
+    luminance: NDArray[np.float32],
+    scene: Scene,
+    cells: Array,
+    normals: Array,
+    pitch: float,
+    domain: NDArray[np.bool_],
+    tolerance: float,
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Grey levels (V, N) of cells (N, 3), and what they show (V, N); see `Stack`."""
     grey = np.full((len(views.cameras), len(cells)), np.nan, np.float32)  # -1 = background
     for view, center in enumerate(views.cameras.centers):
-        seen = np.flatnonzero(_visible(scene, cells, center, lattice, domain.ravel()))
+        seen = np.flatnonzero(_visible(scene, cells, normals, center, pitch, domain))
         if len(seen):
             grey[view, seen] = _sample(views, luminance, view, cells[seen])
     shown = np.where(np.abs(grey - _consensus(grey)) <= tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
-    shape = (len(grey), *lattice.shape)
-    return Stack(lattice, domain, shown.reshape(shape), grey.reshape(shape))
+    return grey, shown
+
+
+def _against(shown: NDArray[np.uint8]) -> Array:
+    """(...) share of views (V, ...) that show something else than the others; none where few see a place."""
+    seen = (shown != UNSEEN).sum(axis=0)
+    against = ((shown == WALL) | (shown == BACKGROUND)).sum(axis=0)
+    return np.asarray(np.where(seen >= _LEAST_VIEWS, against / np.maximum(seen, 1), 0))
 
 
 def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     """(R, C) outlines of the regions where the lid is refuted."""
-    seen = (stack.shown != UNSEEN).sum(axis=0)
-    against = ((stack.shown == WALL) | (stack.shown == BACKGROUND)).sum(axis=0)
-    share = np.where(seen >= _LEAST_VIEWS, against / np.maximum(seen, 1), 0)
+    share = _against(stack.shown)
     inner = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
     region = ndimage.binary_closing((share > _REFUTED_SHARE) & inner, iterations=2)
     filled = ndimage.binary_fill_holes(region) & stack.domain
@@ -151,14 +204,14 @@ def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
 
 
 def _visible(
-    scene: Scene, cells: Array, center: Array, lattice: Lattice, domain: NDArray[np.bool_]
+    scene: Scene, cells: Array, normals: Array, center: Array, pitch: float, domain: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """(N,) whether the camera sees the cells from above, past the rest of the hull."""
     to_camera = center - cells
     length = np.linalg.norm(to_camera, axis=1)
-    visible = domain & (to_camera @ lattice.normal > _LEAST_COSINE * length)
+    visible = domain & (np.einsum("nc,nc->n", to_camera, normals) > _LEAST_COSINE * length)
     index = np.flatnonzero(visible)
-    start = cells[index] + 3 * lattice.pitch * lattice.normal  # off the hull's own roughness
+    start = cells[index] + 3 * pitch * normals[index]  # off the hull's own roughness
     visible[index] = ~scene.occluded(start, to_camera[index] / length[index, None])
     return visible
 

@@ -61,7 +61,9 @@ class Prism:
         through: whether background shows through it.
         error: share of rays that contradict it, 0..1.
         tilt: sideways move along the lattice's axes for each unit of depth (an oblique hole).
-        draft: how far the outline shrinks on all sides for each unit of depth (a countersink).
+        draft: how far the outline shrinks on all sides for each unit of depth.
+        sink: how far it shrinks at most: from there on a countersunk hole is straight.
+        endless: whether the rays that tell its walls don't tell a floor: it may as well be deeper, or go through.
     """
 
     lattice: Lattice
@@ -71,6 +73,8 @@ class Prism:
     error: float
     tilt: tuple[float, float] = (0.0, 0.0)
     draft: float = 0.0
+    sink: float = np.inf
+    endless: bool = False
 
     @property
     def area(self) -> float:
@@ -91,8 +95,10 @@ class Prism:
         cells, height = self.lattice.coordinates(points)
         cells = cells + np.outer(height, self.tilt) / self.lattice.pitch
         lateral = ndimage.map_coordinates(self._smooth_outline, cells.T, order=1, mode="nearest")
-        lateral += self.draft * np.maximum(-height, 0)
-        lateral /= np.sqrt(1 + np.dot(self.tilt, self.tilt) + self.draft**2)
+        leaning = 1 + np.dot(self.tilt, self.tilt)
+        throat = (lateral + self.sink) / np.sqrt(leaning)
+        lateral = (lateral + self.draft * np.maximum(-height, 0)) / np.sqrt(leaning + self.draft**2)
+        lateral = np.minimum(lateral, throat)
         beyond = _beyond(cells, self.lattice.shape) * self.lattice.pitch
         bottom = self.depth + (margin if self.through else 0.0)
         vertical = np.maximum(height - margin, -height - bottom)

@@ -47,7 +47,7 @@ def disagreement(
     """
     kind = np.where(exit_depth < 0, _LID, np.where(exit_depth < depth, _WALL, _FLOOR))
     sunk = rays.met(np.clip(exit_depth, 0, depth), (kind == _FLOOR) & through)
-    sunk[kind == _LID] = 0
+    sunk[kind == _LID] = rays.entry[kind == _LID]
     kind[(sunk > np.minimum(exit_depth, depth)) & (kind != _LID)] = _BEHIND
     empty, background = np.isinf(sunk), rays.grey < 0
     against = np.where(empty & background, 0.0, _CAP)

@@ -31,6 +31,7 @@ class Rays:
         view: (N,) the view that they are of.
         crossings: (N, C) ascending depths at which they cross the hull below the lattice, infinite for none.
         inside: (N,) whether they are inside the hull before the first of them.
+        entry: (N,) depth at which they cross the face; zero if the lattice lies on it.
     """
 
     start: Array
@@ -39,6 +40,7 @@ class Rays:
     view: NDArray[np.int64]
     crossings: Array
     inside: NDArray[np.bool_]
+    entry: Array
 
     def __len__(self) -> int:
         return len(self.grey)
@@ -75,27 +77,31 @@ def gather(stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scen
     """
     lattice = stack.lattice
     rows, columns = np.nonzero(ndimage.binary_dilation(outline, iterations=_BELT_CELLS))
-    cells = lattice.centers()[rows, columns]  # (N, 3)
-    starts, sideways, greys, origins, rays, views = [], [], [], [], [], []
+    cells = stack.surface()[rows, columns]  # (N, 3)
+    sunk = stack.relief[rows, columns] / lattice.pitch  # (N,)
+    starts, sideways, greys, entries, origins, rays, views = [], [], [], [], [], [], []
     for view, center in enumerate(centers):
         grey = stack.grey[view, rows, columns]
         seen = np.isfinite(grey)
         ray = cells[seen] - center
         ray /= -(ray @ lattice.normal)[:, None]  # one unit of depth
         sideways.append(np.column_stack([ray @ lattice.first, ray @ lattice.second]))
-        starts.append(np.column_stack([rows[seen], columns[seen]]).astype(float))
+        starts.append(np.column_stack([rows[seen], columns[seen]]) - sunk[seen, None] * sideways[-1])
+        entries.append(sunk[seen])
         greys.append(grey[seen].astype(float))
         origins.append(cells[seen])
         rays.append(ray)
         views.append(np.full(int(seen.sum()), view, np.int64))
     crossings, inside = crossings_of(scene, np.concatenate(origins), np.concatenate(rays), lattice.pitch)
+    entry = np.concatenate(entries)
     return Rays(
         np.concatenate(starts),
         np.concatenate(sideways),
         np.concatenate(greys),
         np.concatenate(views),
-        crossings,
+        crossings + entry[:, None],
         inside,
+        entry,
     )
 
 
@@ -131,7 +137,7 @@ def exits(
     draft: float = 0.0,
     sink: float = np.inf,
 ) -> Array:
-    """(N,) depth at which each ray meets the wall of an opening, at most `deepest`; negative outside of it.
+    """(N,) depth at which each ray meets the wall of an opening, at most `deepest`; negative if it meets the face.
 
     Args:
         rays: in the frame in which the opening's walls go straight down (or lean by `draft` only).
@@ -143,7 +149,7 @@ def exits(
     """
     clear = -signed_outline(outline) + grow  # (R, C) positive inside
     speed = np.maximum(np.linalg.norm(rays.sideways, axis=1), _SLOWEST) + max(draft, 0.0)
-    depth = np.zeros(len(rays))
+    depth = rays.entry.copy()
     left = np.arange(len(rays))
     for step in range(_STEPS):
         position = rays.start[left] + depth[left, None] * rays.sideways[left]

@@ -1,0 +1,170 @@
+"""Where an opening may lie on a curved face of a hull, such as a cross hole in a shaft.
+
+Places of the hull about whose grey the views disagree gather where there is no surface. Around each such spot the
+hull is smooth; a polynomial through it, over the plane that touches it, is the lid.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.openings import refuted_share
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
+from brepgaussian.splatting.concave.scene import Scene
+
+Array = NDArray[np.float64]
+
+_REFUTED = 0.12  # share of a place's views
+_NEIGHBOUR_CELLS = 2.5  # places of a hull's mesh this close hang together
+_CORE_SHARE = 0.75  # of the places around one are refuted too; edges are blurred, but narrow
+_CORE_WIDTHS = 0.5  # of the least width of an opening: the radius of "around"
+_LEAST_PLACES = 12  # of a spot
+_MOST_SPOTS = 12  # looked at, largest first
+_REACH = 1.7  # of a spot's radius: the face around it that tells the lid's shape
+_MARGIN_CELLS = 6.0
+_DEGREE = 4  # of the polynomial: a cylinder over 45 degrees is off by .0003 of its radius
+_REWEIGHTINGS = 8
+_SMOOTH_SHARE = 0.8  # of the hull around a spot lies on the polynomial; edges and corners don't
+_TURNS = 3  # until a lattice is square to the face
+_FACING = 0.3  # cosine of a normal to the lattice's; what is steeper lies behind an edge
+_LEAST_BEND_CELLS = 1.5  # that the face sinks over the lattice; flatter ones are planes, which are looked at already
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A lattice over a part of a curved face, and how far the face lies below it (R, C)."""
+
+    lattice: Lattice
+    relief: Array
+
+
+def spots(
+    views: Views,
+    luminance: NDArray[np.float32],
+    scene: Scene,
+    vertices: Array,
+    normals: Array,
+    free: NDArray[np.bool_],
+    cell: float,
+    pitch: float,
+    least_width: float,
+    tolerance: float,
+) -> list[Spot]:
+    """Lattices over the parts of a hull's curved faces about which the views disagree.
+
+    Args:
+        views: images and cameras.
+        luminance: (V, H, W) their grey levels.
+        scene: the hull, of which `vertices` (K, 3) and `normals` (K, 3) are.
+        free: (K,) vertices that lie on no plane.
+        cell: the hull's resolution.
+        pitch: side of a lattice's cell.
+        least_width: of an opening.
+        tolerance: grey levels that one place may differ by.
+    """
+    chosen = np.flatnonzero(free)
+    if len(chosen) < _LEAST_PLACES:
+        return []
+    places = vertices[chosen]
+    share = refuted_share(views, luminance, scene, places, normals[chosen], pitch, tolerance)
+    refuted = share > _REFUTED
+    tree = cKDTree(places)
+    around = tree.query_ball_point(places[refuted], max(_CORE_WIDTHS * least_width, _NEIGHBOUR_CELLS * cell))
+    core = np.array([refuted[near].mean() >= _CORE_SHARE for near in around], bool)
+    core_places = places[refuted][core]
+    found = []
+    for members in _connected(core_places, _NEIGHBOUR_CELLS * cell)[:_MOST_SPOTS]:
+        found.append(spot_around(core_places[members], vertices, normals, cell, pitch))
+    return [spot for spot in found if spot is not None]
+
+
+def _connected(points: Array, reach: float) -> list[NDArray[np.int64]]:
+    """Indices of the points that hang together, largest group first."""
+    if len(points) < _LEAST_PLACES:
+        return []
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (len(points), len(points)))
+    count, label = connected_components(graph, directed=False)
+    groups = [np.flatnonzero(label == k) for k in range(count)]
+    return sorted((g for g in groups if len(g) >= _LEAST_PLACES), key=lambda g: (-len(g), int(g[0])))
+
+
+def spot_around(members: Array, vertices: Array, normals: Array, cell: float, pitch: float) -> Spot | None:
+    """A lattice over places (N, 3) that are no surface, square to the face around them.
+
+    None if nothing smooth surrounds them, or only a plane. Other arguments are those of `spots`.
+    """
+    center = members.mean(axis=0)
+    radius = float(np.linalg.norm(members - center, axis=1).max()) + cell
+    reach = _REACH * radius + _MARGIN_CELLS * pitch
+    away = np.linalg.norm(vertices - center, axis=1)
+    beside = (away < np.sqrt(2) * reach) & (away > radius)
+    if not beside.any():
+        return None
+    normal = normals[beside].mean(axis=0)
+    axes, local, height = np.eye(3), np.empty((0, 3)), None
+    for _ in range(_TURNS):
+        normal /= np.linalg.norm(normal)
+        axes = np.column_stack([*plane_axes(normal), normal])
+        local = (vertices[beside & (normals @ normal > _FACING)] - center) @ axes
+        height = _Polynomial.through(local, reach, cell)
+        if height is None:
+            return None
+        normal = normal - axes[:, :2] @ height.slope_at_origin()
+    if height is None:
+        return None
+    on_it = np.abs(local[:, 2] - height(local[:, 0], local[:, 1])) < cell
+    if on_it.mean() < _SMOOTH_SHARE:
+        return None
+    count = int(np.ceil(2 * reach / pitch))
+    side = (np.arange(count) + 0.5) * pitch - count * pitch / 2
+    u, v = np.meshgrid(side, side, indexing="ij")
+    heights = height(u.ravel(), v.ravel()).reshape(u.shape)
+    if np.ptp(heights) < _LEAST_BEND_CELLS * pitch:
+        return None
+    first, second, normal = axes.T
+    top = float(heights.max())
+    origin = center + top * normal - (count * pitch / 2) * (first + second)
+    return Spot(Lattice(origin, first, second, normal, pitch, (count, count)), top - heights)
+
+
+class _Polynomial:
+    """A height over a plane."""
+
+    def __init__(self, coefficients: Array, scale: float) -> None:
+        self.coefficients, self.scale = coefficients, scale
+
+    @staticmethod
+    def through(points: Array, scale: float, noise: float) -> "_Polynomial | None":
+        """A robust fit to (N, 3) points in the plane's frame, or None if there are too few."""
+        design = _terms(points[:, 0] / scale, points[:, 1] / scale)
+        if len(points) < 2 * design.shape[1]:
+            return None
+        weight: Any = np.ones(len(points))
+        coefficients: Array = np.zeros(design.shape[1])
+        for _ in range(_REWEIGHTINGS):
+            normal = design.T @ (weight[:, None] * design)
+            normal += 1e-6 * len(points) * np.eye(len(normal))
+            coefficients = np.linalg.solve(normal, design.T @ (weight * points[:, 2]))
+            off = np.abs(points[:, 2] - design @ coefficients)
+            weight = 1 / (1 + (off / max(float(np.median(off)), noise / 2)) ** 2) ** 2
+        return _Polynomial(coefficients, scale)
+
+    def __call__(self, u: Array, v: Array) -> Array:
+        return np.asarray(_terms(u / self.scale, v / self.scale) @ self.coefficients)
+
+    def slope_at_origin(self) -> Array:
+        """(2,) how it rises along u and v."""
+        return self.coefficients[1:3] / self.scale
+
+
+def _terms(u: Array, v: Array) -> Array:
+    """(N, T) monomials, the constant, u and v first."""
+    powers = sorted(((i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)), key=lambda p: (sum(p), p[1]))
+    return np.column_stack([u**i * v**j for i, j in powers])
