@@ -68,6 +68,21 @@ def test_truth_is_accepted_and_an_offset_is_not(block):
     assert len(verdict.faces) == len(structure.faces)
 
 
+def test_a_notch_that_only_the_masks_show_is_missed(block):
+    from build123d import Box, Pos, Solid
+
+    views, solid, _ = block
+    top = Solid(solid).bounding_box().max.Z
+    notched = (Solid(solid) - Pos(0.5, 0.5, top) * Box(2, 0.04, 0.1)).solid().wrapped
+    surfaces = surfaces_of(notched)
+    structure, mesh = extract(notched, surfaces), from_solid(notched)
+    lost = acceptance(mesh, structure, surfaces, views, BrepSettings())
+    surfaces = surfaces_of(solid)
+    right = acceptance(from_solid(solid), extract(solid, surfaces), surfaces, views, BrepSettings())
+    assert right.astray == 0 < BrepSettings().accept_astray < lost.astray
+    assert not lost.accepted
+
+
 def test_imprecise_poses_are_corrected(block):
     views, solid, surfaces = block
     rng, poses = np.random.default_rng(4), views.cameras.cam_from_unit.copy()

@@ -85,18 +85,19 @@ def test_badness_is_in_units_of_the_limits():
     at_limit = {"silhouette_px": SETTINGS.accept_silhouette_px, "mask_iou": SETTINGS.accept_iou}
     assert badness(at_limit, SETTINGS) == pytest.approx(2)
     assert badness({"silhouette_px": 0.0, "mask_iou": 1.0}, SETTINGS) == 0
+    assert badness(at_limit | {"astray": SETTINGS.accept_astray}, SETTINGS) == pytest.approx(3)
     assert badness({"silhouette_px": None, "mask_iou": 1.0}, SETTINGS) == float("inf")
 
 
 @pytest.mark.parametrize(
     ("after", "expected"),
     [
-        ((0.05, 0.9990, True), True),  # accepted now
-        ((0.119, 0.9995, False), False),  # the masks gain, the worst edge loses
-        ((0.104, 0.9995, False), True),
-        ((0.05, 0.9980, False), False),  # the other way round
-        ((float("nan"), 0.9995, False), True),
+        ((0.05, 0.9990, 0.0, True), True),  # accepted now
+        ((0.119, 0.9995, 0.0, False), False),  # the masks gain, the worst edge loses
+        ((0.104, 0.9995, 0.0, False), True),
+        ((0.05, 0.9980, 0.0, False), False),  # the other way round
+        ((float("nan"), 0.9995, 0.0, False), True),
     ],
 )
 def test_short_of_acceptance_no_figure_may_get_clearly_worse(after, expected):
-    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, False)) is expected
+    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, 0.0, False)) is expected

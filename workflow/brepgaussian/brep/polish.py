@@ -105,7 +105,8 @@ def badness(report: dict[str, Any], settings: BrepSettings) -> float:
     if px is None or iou is None:
         return float("inf")
     missing = (1 - iou) / max(1 - settings.accept_iou, _ROUNDING)
-    return float(px / max(settings.accept_silhouette_px, _ROUNDING) + missing)
+    astray = report.get("astray", 0.0) / max(settings.accept_astray, _ROUNDING)
+    return float(px / max(settings.accept_silhouette_px, _ROUNDING) + missing + astray)
 
 
 def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
@@ -179,6 +180,7 @@ def _figures(test: Any) -> dict[str, Any]:
     return {
         "silhouette_px": px if px == px else None,
         "mask_iou": float(test.mask_iou),
+        "astray": float(test.astray),
         "accepted": bool(test.accepted),
     }
 

@@ -1,7 +1,8 @@
 """The truth-free acceptance test: do all edges and silhouettes of a solid agree with the images?
 
-Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel, and
-the masks' IoU is above .998. Global residuals do not show a failure; the worst edge does.
+Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel, the masks' IoU
+is above .998, and next to no pixel is wrong that lies clear of the masks' borders. Global residuals do not show a
+failure: the worst edge does, and where an edge is missing altogether, the hole that it would bound.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,16 @@ from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
 from brepgaussian.brep.refine.solve import TONES, State, residuals
-from brepgaussian.brep.refine.visibility import CREASE, SILHOUETTE, Scene, Seen, classify, group_names, masks_iou
+from brepgaussian.brep.refine.visibility import (
+    CREASE,
+    SILHOUETTE,
+    Masks,
+    Scene,
+    Seen,
+    classify,
+    compare_masks,
+    group_names,
+)
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
@@ -33,13 +43,15 @@ class Acceptance:
     Attributes:
         silhouette_px: worst edge's median |silhouette residual|; NaN if no edge is seen against the background.
         mask_iou: IoU of the silhouettes over all views.
-        accepted: both within their limits.
+        astray: share of the silhouettes' pixels that are wrong and clear of all borders.
+        accepted: all within their limits.
         edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
         faces: per face: the worst of its edges' medians and the number of samples seen.
     """
 
     silhouette_px: float
     mask_iou: float
+    astray: float
     accepted: bool
     edges: list[dict[str, object]] = field(default_factory=list)
     faces: list[dict[str, object]] = field(default_factory=list)
@@ -74,8 +86,8 @@ def acceptance(
     scene, state = Scene(mesh), State(tuple(surfaces), tone, poses)
     seen = watch(mesh, scene, structure, state, views, settings.refine_observations)
     found = measure(images, seen, WINDOW_PX, WINDOW_PX / 2)
-    iou = masks_iou(scene, views.cameras, views.alpha, poses)
-    return judge(seen, found, structure, tone, iou, settings)
+    masks = compare_masks(scene, views.cameras, views.alpha, poses)
+    return judge(seen, found, structure, tone, masks, settings)
 
 
 def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, views: Views, limit: int) -> Seen:
@@ -88,7 +100,7 @@ def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, view
 
 
 def judge(
-    seen: Seen, found: Found, structure: Structure, tone: Array, iou: float, settings: BrepSettings
+    seen: Seen, found: Found, structure: Structure, tone: Array, masks: Masks, settings: BrepSettings
 ) -> Acceptance:
     """The table of residuals and the verdict."""
     residual = np.abs(residuals(seen, found, tone))
@@ -128,5 +140,6 @@ def judge(
         for i in range(len(structure.faces))
     ]
     worst = max(medians, default=float("nan"))
-    good = bool(worst < settings.accept_silhouette_px and iou > settings.accept_iou)
-    return Acceptance(worst, iou, good, table, faces)
+    outlines = masks.iou > settings.accept_iou and masks.astray < settings.accept_astray
+    good = bool(worst < settings.accept_silhouette_px and outlines)
+    return Acceptance(worst, masks.iou, masks.astray, good, table, faces)

@@ -16,7 +16,7 @@ from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.parameters import recentre
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, Step, residuals, step
-from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, masks_iou
+from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, compare_masks
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
@@ -95,8 +95,8 @@ class _Run:
     def test(self, settings: BrepSettings) -> Acceptance:
         """The acceptance test."""
         seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
-        iou = masks_iou(Scene(self.mesh), self.views.cameras, self.views.alpha, self.state.poses)
-        return judge(seen, found, self.structure, self.state.tone, iou, settings)
+        masks = compare_masks(Scene(self.mesh), self.views.cameras, self.views.alpha, self.state.poses)
+        return judge(seen, found, self.structure, self.state.tone, masks, settings)
 
 
 def refine(
