@@ -59,3 +59,50 @@ def test_nothing_is_explained_afresh_where_all_patches_are_sure(truth_maker, poi
     points = point_maker(truth_maker("block_hole"), 0.002, 0.0, np.random.default_rng(1))
     primitives = primitives_of(points, SETTINGS)
     assert list(alternatives(points, primitives, SETTINGS)) == []
+
+
+def test_walls_of_a_keyway_that_bulge_like_cylinders_are_planes_in_an_alternative():
+    """A bore with a keyway: its three walls bulge, the corners are rounded, labels mix them."""
+    rng = np.random.default_rng(5)
+    bore, half, floor = 0.2, 0.05, 0.25
+
+    def wall(count, start, end, bulge):
+        """Points between two corners (x, y), normals to the left, its ends bent into the air."""
+        t, z = rng.uniform(0, 1, (count, 1)), rng.uniform(-0.25, 0.25, count)
+        length = np.linalg.norm(np.subtract(end, start))
+        along = np.subtract(end, start) / length
+        left = np.array([-along[1], along[0]])
+        xy = start + t * length * along + bulge * (1 - 4 * t * (1 - t)) * left
+        normal = left - 4 * bulge / length * (2 * t - 1) * along
+        return np.column_stack([xy, z]), np.column_stack([normal, np.zeros(count)])
+
+    edge = np.sqrt(bore**2 - half**2)
+    parts = [
+        wall(600, (floor, -half), (floor, half), 0.005),
+        wall(250, (edge, -half), (floor, -half), 0.002),
+        wall(250, (floor, half), (edge, half), 0.002),
+    ]
+    turn = rng.uniform(np.arcsin(half / bore), 2 * np.pi - np.arcsin(half / bore), 6000)
+    round_ = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(6000)])
+    parts.append((bore * round_ + [0, 0, 1] * rng.uniform(-0.25, 0.25, (6000, 1)), -round_))
+    for side in (-1, 1):
+        disc = rng.uniform(-0.5, 0.5, (20000, 2))
+        disc = disc[(np.linalg.norm(disc, axis=1) > 0.3)]
+        parts.append((np.column_stack([disc, np.full(len(disc), 0.25 * side)]), np.tile([0, 0, side], (len(disc), 1))))
+    xyz = np.concatenate([p for p, _ in parts]) + 0.5
+    xyz += SIGMA * rng.normal(size=xyz.shape)
+    normals = np.concatenate([n for _, n in parts]) + 0.03 * rng.normal(size=xyz.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    label = np.repeat(np.arange(len(parts)), [len(p) for p, _ in parts])
+    none, curve = np.zeros(len(label), np.float32), np.full(len(label), -1, np.int32)
+    points = Points(xyz.astype(np.float32), normals.astype(np.float32), none, label.astype(np.int32), curve)
+    primitives = primitives_of(points, SETTINGS)
+    upright = [
+        sorted(
+            np.argmax(np.bincount(label[p.support]))
+            for p in found.items
+            if p.surface.kind == "plane" and abs(p.surface.axis[2]) < 0.1
+        )
+        for found in alternatives(points, primitives, SETTINGS)
+    ]
+    assert [0, 1, 2] in upright

@@ -16,6 +16,8 @@ from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
+from brepgaussian.brep.simplify import Change, applied
+from brepgaussian.brep.skins import skins
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.worker import Worker, WorkerError
@@ -65,9 +67,20 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
-    """Jobs of other explanations of the points that no primitive explains well (`primitives.afresh`)."""
+    """Jobs of other explanations of the points: without skins over inner edges, and afresh (`primitives.afresh`)."""
+    yield from bared(job)
     for other in alternatives(points, primitives, PrimitivesSettings()):
-        yield _job(points, other, job.silhouettes, job.settings)
+        afresh = _job(points, other, job.silhouettes, job.settings)
+        yield from bared(afresh)
+        yield afresh
+
+
+def bared(job: Job) -> Iterator[Job]:
+    """The job without its skins, if it has any: the faces beside them are extended until they meet."""
+    gone = skins(job.patches)
+    if gone and len(gone) < len(job.patches):
+        names = ", ".join(str(job.patches[i].primitive) for i in gone)
+        yield applied(job, [Change(f"without skins {names}", gone, ())])
 
 
 def climb(

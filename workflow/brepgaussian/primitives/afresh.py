@@ -7,7 +7,7 @@ explains enough points any more. What is left belongs to no face. These are prop
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitive, Primitives
 from brepgaussian.geometry.fit import fit_robust, inliers, oriented, plausible, residuals
+from brepgaussian.geometry.fit_choose import turn_of
 from brepgaussian.geometry.surfaces import KINDS, Surface
-from brepgaussian.primitives.candidates import FEW, FILLET, TURN, Candidate, candidates
+from brepgaussian.primitives.candidates import FEW, FILLET, TURN, Candidate, candidates, upright
 from brepgaussian.primitives.guided import SURE, Known, known
 from brepgaussian.primitives.patches import Cloud, Indices, Noise, Patch, make_cloud, spreads
 from brepgaussian.primitives.regularise import regularise, state_of
@@ -25,12 +26,38 @@ from brepgaussian.settings.primitives import PrimitivesSettings
 Array = NDArray[np.float64]
 
 SIMPLE = ("plane", "cylinder")
-CHOICES = ((*SIMPLE, FILLET), (*SIMPLE, FILLET, "torus"), KINDS, SIMPLE)  # of kinds that compete, likeliest first
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A way to explain a region.
+
+    Attributes:
+        kinds: that compete.
+        share: of the region's points that makes a face.
+        rounds: whether patches that go far round an axis are explained afresh too, or keep their surface.
+    """
+
+    kinds: tuple[str, ...]
+    share: float = 0.05
+    rounds: bool = True
+
+
+CHOICES = (  # likeliest first; at last the walls of slots and keyways, which are small and bulge like cylinders
+    Choice((*SIMPLE, FILLET)),
+    Choice((*SIMPLE, FILLET, "torus")),
+    Choice(KINDS),
+    Choice(SIMPLE),
+    Choice(SIMPLE, 0.02, rounds=False),
+    Choice(("plane",), 0.02, rounds=False),
+)
 SURE_SHARE = 0.01  # of all points: smaller patches are dubious however well they fit
+BENT = np.radians(15.0)  # curved patches whose normals turn less from their mean may be planes,
+ROUND = np.radians(60.0)  # and those that turn more are round, however noisy
 REACH = 2.5  # typical residuals of the dubious patches within which a surface explains a point
 LOOKED_AT = 3000  # points of the region that rank the candidates
 TRIED = 4  # best candidates of each kind that are fitted to their inliers in a round
-ENOUGH_SHARE, ENOUGH = 0.05, 40  # of the region's points that make a face
+ENOUGH = 40  # points that make a face at least
 MOST_FACES = 10
 SIMPLE_ENOUGH = 0.5  # of the most points explained: a simpler kind that reaches it is preferred (a bulging plane)
 OWN_PRICE = 0.1  # share of its points that a surface along no known direction must be ahead
@@ -53,14 +80,14 @@ def alternatives(points: Points, primitives: Primitives, settings: PrimitivesSet
     if not patches:
         return
     noise = _noise(patches, primitives.sigma, settings)
-    dubious = _dubious(patches, noise)
-    sure = [p for i, p in enumerate(patches) if i not in dubious]
-    if not dubious or not sure:
-        return
-    guides = known(sure, state_of(sure, cloud, noise, settings))
     seen: set[tuple[tuple[str, int], ...]] = set()
-    for kinds in CHOICES:
-        found = _afresh([patches[i] for i in dubious], sure, guides, kinds, cloud, noise, settings)
+    for choice in CHOICES:
+        dubious = _dubious(patches, cloud, noise, choice.rounds)
+        sure = [p for i, p in enumerate(patches) if i not in dubious]
+        if not dubious or not sure:
+            continue
+        guides = known(sure, state_of(sure, cloud, noise, settings))
+        found = _afresh([patches[i] for i in dubious], sure, guides, choice, cloud, noise, settings)
         key = tuple((p.surface.kind, len(p.members)) for p in found)
         if key in seen:
             continue
@@ -90,16 +117,26 @@ def _primitive(patch: Patch, cloud: Cloud) -> Primitive:
     return Primitive(patch.surface, patch.labels[0], patch.members, rms)
 
 
-def _dubious(patches: Sequence[Patch], noise: Noise) -> list[int]:
-    total = sum(len(p.members) for p in patches)
-    return [i for i, p in enumerate(patches) if p.rms > SURE * noise.distance or len(p.members) < SURE_SHARE * total]
+def _dubious(patches: Sequence[Patch], cloud: Cloud, noise: Noise, rounds: bool) -> list[int]:
+    """Indices of patches that are small or fit badly; if not `rounds`, of small and little bent ones."""
+    few = SURE_SHARE * sum(len(p.members) for p in patches)
+    turns = [np.pi if p.surface.kind == "plane" else turn_of(p.surface, cloud.xyz[p.members]) for p in patches]
+    if rounds:
+        return [i for i, p in enumerate(patches) if p.rms > SURE * noise.distance or len(p.members) < few]
+    return [
+        i
+        for i, p in enumerate(patches)
+        if turns[i] < BENT
+        or len(p.members) < few
+        or (p.rms > SURE * noise.distance and (p.surface.kind == "plane" or turns[i] < ROUND))
+    ]
 
 
 def _afresh(
     dubious: Sequence[Patch],
     sure: Sequence[Patch],
     guides: Known,
-    kinds: Sequence[str],
+    choice: Choice,
     cloud: Cloud,
     noise: Noise,
     settings: PrimitivesSettings,
@@ -111,7 +148,7 @@ def _afresh(
     limit = REACH * max(float(np.median(typical)), noise.distance)
     own = [Candidate(p.surface.kind, p.surface, None) for p in dubious]
     left = _nearest([p.surface for p in sure], xyz, normals, limit) < 0
-    found = _surfaces(own, guides, kinds, xyz[left], normals[left], limit, settings)
+    found = _surfaces(own, guides, choice, xyz[left], normals[left], limit, settings)
     owner = _settled(found, sure, xyz, normals, limit, settings)
     result = []
     for k, patch in enumerate(sure):
@@ -160,7 +197,7 @@ def _settled(
 def _surfaces(
     own: list[Candidate],
     guides: Known,
-    kinds: Sequence[str],
+    choice: Choice,
     xyz: Array,
     normals: Array,
     limit: float,
@@ -169,16 +206,19 @@ def _surfaces(
     """Surfaces that explain the points one after another."""
     step = max(1, len(xyz) // LOOKED_AT)
     points, turned = xyz[::step], normals[::step]
-    enough = max(ENOUGH_SHARE * len(points), ENOUGH / step)
-    pool = [c for c in (*own, *candidates(points, turned, guides)) if c.kind in kinds]
+    enough = max(choice.share * len(points), ENOUGH / step)
     found: list[Candidate] = []
-    while pool and len(points) >= enough and len(found) < MOST_FACES:
+    pool, fresh = [c for c in (*own, *candidates(points, turned, guides)) if c.kind in choice.kinds], True
+    while len(points) >= enough and len(found) < MOST_FACES:
         best = _next(pool, points, turned, limit, settings)
-        if best is None:
-            break
-        near = inliers(best.surface, points, turned, limit, TURN)
-        if near.sum() < enough:
-            break
+        near = np.zeros(len(points), bool) if best is None else inliers(best.surface, points, turned, limit, TURN)
+        if best is None or near.sum() < enough:
+            if fresh:
+                break  # else neighbourhoods of what is left: among all points small walls had none
+            pool, fresh = [c for c in candidates(points, turned, guides) if c.kind in choice.kinds], True
+            pool = [c for c in pool if not any(_same_again(f, c, points, turned, limit) for f in found)]
+            continue
+        fresh = False
         found.append(best)
         points, turned = points[~near], turned[~near]
         pool = [c for c in pool if not _same_again(best, c, points, turned, limit)]
@@ -242,5 +282,7 @@ def _fitted(
         fitted = fit_robust(start.kind, points, normals, limit / REACH, initial=start, free=candidate.free)[0]
     except (ValueError, np.linalg.LinAlgError):
         return None
+    if candidate.along is not None:
+        fitted = upright(fitted, candidate.along, points)
     fitted = oriented(fitted, points, normals)
     return fitted if plausible(fitted, points, settings.largest_radius) else None

@@ -30,16 +30,20 @@ class Candidate:
         surface: where it starts.
         free: columns of its parameters that are free; None: all, it follows no known direction.
         beside: the cylinder that a fillet touches.
+        along: a known direction in which a plane runs; its normal turns about that direction only.
     """
 
     kind: str
     surface: Surface
     free: tuple[int, ...] | None
     beside: Surface | None = None
+    along: Array | None = None
 
     @property
     def freedom(self) -> int:
         """Number of parameters that its points determine; two of a fillet."""
+        if self.along is not None:
+            return 2
         if self.free is None:
             return PARAMETERS[self.surface.kind]
         return len(self.free) or 2
@@ -56,6 +60,8 @@ def candidates(points: Array, normals: Array, guides: Known) -> Iterator[Candida
         if len(near) >= FEW:
             for start, free in _starts(points[near], normals[near], guides):
                 yield Candidate(start.kind, oriented(start, points[near], normals[near]), free)
+            for direction in guides.directions:
+                yield from _running(direction, points[near], normals[near])
             for line in guides.axes:
                 if line.kind == "cylinder":
                     yield from _fillets(line, points[near], normals[near])
@@ -88,6 +94,20 @@ def _starts(points: Array, normals: Array, guides: Known) -> Iterator[tuple[Surf
             start = make(line.axis, points, normals, share, line.origin)
             if start is not None:
                 yield start, ABOUT[kind]
+
+
+def _running(direction: Array, points: Array, normals: Array) -> Iterator[Candidate]:
+    """The plane along a known direction that a neighbourhood shows, as a wall of a slot that is parallel to no face."""
+    across = np.median(normals, axis=0)
+    across = across - (across @ direction) * direction
+    if float(np.linalg.norm(across)) > np.cos(FACING):
+        yield Candidate("plane", plane(points.mean(axis=0), unit(across)), None, along=direction)
+
+
+def upright(surface: Surface, direction: Array, points: Array) -> Surface:
+    """A plane turned back until a direction runs in it, through the middle of points."""
+    normal = unit(surface.axis - (surface.axis @ direction) * direction)
+    return plane(surface.origin + np.median((points - surface.origin) @ normal) * normal, normal)
 
 
 def _fillets(line: Surface, points: Array, normals: Array) -> Iterator[Candidate]:

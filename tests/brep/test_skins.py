@@ -1,0 +1,62 @@
+"""A patch over an inner edge may be a skin; the floor of a slot, a chamfer and a large face are none."""
+
+import numpy as np
+import pytest
+from brepgaussian.brep.job import Job
+from brepgaussian.brep.ladder import bared
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.skins import skins
+from brepgaussian.geometry.surfaces import plane
+from brepgaussian.settings.brep import BrepSettings
+
+NOISE = 0.001
+RNG = np.random.default_rng(0)
+
+
+def strip(middle, normal, along, width, length=0.5, count=400, sigma=NOISE):
+    """A rectangle of points with its plane."""
+    normal, along = (np.asarray(v, float) / np.linalg.norm(v) for v in (normal, along))
+    across = np.cross(normal, along)
+    u, v, w = RNG.uniform(-0.5, 0.5, (3, count))
+    xyz = np.asarray(middle) + np.outer(u * length, along) + np.outer(v * width, across)
+    xyz += 2 * sigma * np.outer(w, normal)
+    return Patch(plane(middle, normal), 0, xyz, np.tile(normal, (count, 1)), 0.03, sigma)
+
+
+def corner(angle_deg, side):
+    """Two walls along y, at x = 0 and z = 0, and a strip over the edge: `side` 1 in the air, -1 in the material."""
+    lean = np.array([np.sin(np.radians(angle_deg)), 0.0, np.cos(np.radians(angle_deg))])
+    walls = [
+        strip([0, 0, side * 0.25], [1, 0, 0], [0, 1, 0], 0.4, count=4000),
+        strip([side * 0.25, 0, 0], [0, 0, 1], [0, 1, 0], 0.4, count=4000),
+    ]
+    return [*walls, strip(side * 0.05 * lean, lean, [0, 1, 0], 0.08, count=60, sigma=3 * NOISE)]
+
+
+@pytest.mark.parametrize("angle", [30, 45, 60])
+def test_a_strip_over_an_inner_edge_may_be_a_skin(angle):
+    assert skins(corner(angle, 1)) == (2,)
+
+
+@pytest.mark.parametrize("angle", [30, 45, 60])
+def test_a_chamfer_on_an_outer_edge_is_none(angle):
+    assert skins(corner(angle, -1)) == ()
+
+
+def test_the_floor_of_a_slot_is_none():
+    walls = [strip([s * 0.05, 0, 0.2], [-s, 0, 0], [0, 1, 0], 0.4, count=4000) for s in (-1, 1)]
+    assert skins([*walls, strip([0, 0, 0], [0, 0, 1], [0, 1, 0], 0.1, count=60, sigma=3 * NOISE)]) == ()
+
+
+def test_a_large_strip_that_fits_is_a_face():
+    patches = corner(45, 1)
+    patches[2] = strip([0.02, 0, 0.02], [1, 0, 1], [0, 1, 0], 0.08, count=400)
+    assert skins(patches) == ()
+
+
+def test_a_job_without_its_skins_keeps_them_as_evidence():
+    patches = tuple(corner(45, 1))
+    (job,) = bared(Job(patches, (), np.zeros((0, 3)), (), None, BrepSettings()))
+    assert job.patches == patches[:2]
+    assert job.left_out == patches[2:]
+    assert list(bared(job)) == []

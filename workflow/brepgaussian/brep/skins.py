@@ -1,0 +1,72 @@
+"""Patches that may be the skin which the reconstruction leaves over an inner edge.
+
+No silhouette shows an inner edge, and few images show the walls beside it undisturbed: there the reconstructed surface
+cuts the corner. Labels find patches in that skin, with surfaces like chamfers and fillets. Its points lie in the air
+before both walls, with normals between theirs. So do those of a real fillet or chamfer: the images decide.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.patches import Patch
+
+Array = NDArray[np.float64]
+
+_SHARE = 0.8  # of a skin's points that lie before both walls
+_POOR = 1.5  # noises: a well-fitting patch that is not small is a face
+_SMALL, _LARGEST = 0.01, 0.04  # of all points: a patch that fits well but is doubtful, and the largest skin
+_TOUCH = 3.0  # of reach: patches this near to each other are neighbours
+_SLACK = 3.0  # noises behind a wall that a point before it may seem to lie
+_BETWEEN = np.cos(np.radians(80.0))  # a skin's normals (median) are nearer than this to those of both walls,
+_ASIDE = np.sin(np.radians(25.0))  # and this near to the plane of the two
+_LEAST_CORNER = np.cos(np.radians(30.0))  # between the walls' normals
+_TINY = 1e-12
+
+
+def skins(patches: Sequence[Patch]) -> tuple[int, ...]:
+    """Indices of patches that may be skins over inner edges of the others."""
+    if not patches:
+        return ()
+    noise = float(np.median(np.repeat([p.sigma for p in patches], [len(p.xyz) for p in patches])))
+    total = sum(len(p.xyz) for p in patches)
+    trees = [cKDTree(p.xyz) for p in patches]
+    found: list[int] = []
+    for i in sorted(range(len(patches)), key=lambda k: (len(patches[k].xyz), k)):
+        skin = patches[i]
+        larger = (j for j, p in enumerate(patches) if j not in found and j != i and len(p.xyz) >= len(skin.xyz))
+        walls = [patches[j] for j in larger if _touch(skin, patches[j], trees[j])]
+        if _doubtful(skin, noise, total) and any(_hides(skin, *pair, noise) for pair in combinations(walls, 2)):
+            found.append(i)
+    return tuple(sorted(found))
+
+
+def _doubtful(patch: Patch, noise: float, total: int) -> bool:
+    share = len(patch.xyz) / total
+    return share < _SMALL or (share < _LARGEST and patch.sigma > _POOR * noise)
+
+
+def _touch(skin: Patch, wall: Patch, tree: cKDTree) -> bool:
+    limit = _TOUCH * max(skin.reach, wall.reach)
+    return bool(tree.query(skin.xyz, distance_upper_bound=limit)[0].min() <= limit)
+
+
+def _hides(skin: Patch, first: Patch, second: Patch, noise: float) -> bool:
+    """Whether a patch hides an inner edge between two walls."""
+    slack = _SLACK * max(noise, first.sigma, second.sigma)
+    before = [wall.surface.signed_distance(skin.xyz) > -slack for wall in (first, second)]
+    if np.mean(before[0] & before[1]) < _SHARE:
+        return False
+    beside = [wall.surface.normals(skin.xyz) for wall in (first, second)]
+    near = [float(np.median(_cosine(n, skin.normals))) for n in beside]
+    across = np.cross(beside[0], beside[1])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), _TINY)
+    aside = float(np.median(np.abs(_cosine(across, skin.normals))))
+    return min(near) > _BETWEEN and aside < _ASIDE and float(np.median(_cosine(beside[0], beside[1]))) < _LEAST_CORNER
+
+
+def _cosine(first: Array, second: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->i", first, second))
