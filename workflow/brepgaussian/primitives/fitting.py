@@ -164,7 +164,7 @@ def split(whole: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
     parts = _shared_out(parts, whole.members, cloud, noise, settings)
     if any(p.rms > EXPLAINED * noise.distance or p.turn > EXPLAINED * noise.turn for p in parts):
         return [whole]
-    if _length([whole], whole.members, cloud, noise) <= _length(parts, whole.members, cloud, noise):
+    if description([whole], whole.members, cloud, noise) <= description(parts, whole.members, cloud, noise):
         return [whole]
     return parts
 
@@ -173,7 +173,7 @@ def _shared_out(
     parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
 ) -> list[Patch]:
     """Give every point to the face that explains it best, and fit again."""
-    best = _errors(parts, members, cloud, noise)[2]
+    best = errors(parts, members, cloud, noise)[2]
     result = []
     for i, part in enumerate(parts):
         mine = members[best == i]
@@ -187,15 +187,15 @@ def _shared_out(
     return result
 
 
-def _length(parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise) -> float:
+def description(parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise) -> float:
     """Description length of points by several faces (compare `geometry.fit.description_length`)."""
-    distance, turn, _ = _errors(parts, members, cloud, noise)
+    distance, turn, _ = errors(parts, members, cloud, noise)
     data = 2 * np.log(max(trimmed_rms(distance), 1)) + 2 * np.log(max(trimmed_rms(turn), 1))
     price = sum(PRICE[p.surface.kind] + FACE_PRICE for p in parts)
     return float(min(len(members), EFFECTIVE) * data + price * np.log(EFFECTIVE))
 
 
-def _errors(
+def errors(
     parts: list[Patch], members: Indices, cloud: Cloud, noise: Noise
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(M,) distance and angle in noises to the best face of each point, and (M,) that face."""

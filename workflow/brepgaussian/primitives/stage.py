@@ -19,6 +19,7 @@ from brepgaussian.primitives.guided import guide, known
 from brepgaussian.primitives.merging import merge_neighbours
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, make_cloud
 from brepgaussian.primitives.regularise import regularise, state_of
+from brepgaussian.primitives.sharing import share_out
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.primitives import PrimitivesSettings
 
@@ -65,6 +66,8 @@ def primitives_of(points: Points, settings: PrimitivesSettings) -> Primitives:
     log.info("%d patches, noise %.4f and %.1f degrees", len(patches), noise.distance, np.degrees(noise.turn))
     if settings.absorb:
         patches = absorb(patches, cloud, noise, settings)
+    if settings.split:
+        patches = share_out(patches, cloud, noise, settings)
     if settings.guide:
         for _ in range(ROUNDS):
             before = len(patches)
