@@ -1,11 +1,14 @@
 """Concavities: the geometry of a prism, and pockets of a rendered part that every silhouette is blind to."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
+from brepgaussian.splatting.concave.join import joined
 from brepgaussian.splatting.concave.openings import Stack, openings
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
@@ -76,3 +79,68 @@ def test_a_ring_shaped_opening_keeps_its_island():
     overlap = [(o & ring).sum() / (o | ring).sum() for o in found]
     assert max(overlap) > 0.9
     assert any(o[60, 55] for o in found)  # the disc is a hypothesis as well
+
+
+def ray_prism(draft=0.0, sink=np.inf, through=False, endless=False, up=1.0, height=0.5, radius=12):
+    """A round opening around (.5, .5) in the plane z = height that looks up or down."""
+    normal = np.array([0.0, 0.0, up])
+    first, second = np.array([1.0, 0.0, 0.0]), np.array([0.0, up, 0.0])
+    origin = np.array([0.3, 0.5 - 0.2 * up, height])
+    rows, columns = np.mgrid[:40, :40]
+    outline = np.hypot(rows - 19.5, columns - 19.5) < radius
+    lattice = Lattice(origin, first, second, normal, 0.01, (40, 40))
+    return Prism(lattice, outline, 0.3, through, 0.0, draft=draft, sink=sink, endless=endless)
+
+
+def test_a_countersunk_prism_is_its_cone_and_its_throat():
+    prism = ray_prism(draft=1.0, sink=0.05)
+    points = np.random.default_rng(4).uniform([0.35, 0.35, 0.15], [0.65, 0.65, 0.55], (4000, 3))
+    radius, depth = np.hypot(*(points[:, :2] - 0.5).T), 0.5 - points[:, 2]
+    allowed = 0.12 - np.clip(depth, 0, 0.05)
+    inside = (radius < allowed) & (depth < 0.3) & (depth > -0.02)
+    clear = (np.abs(radius - allowed) > 0.01) & (np.abs(depth - 0.3) > 0.01) & (np.abs(depth + 0.02) > 0.01)
+    assert np.array_equal((prism.signed_distance(points, 0.02) < 0)[clear], inside[clear])
+
+
+def test_two_endless_openings_that_face_each_other_are_one_hole():
+    ends = [ray_prism(endless=True), ray_prism(endless=True, up=-1.0, height=0.1, radius=11)]
+    first, second = joined(ends, 0.01)
+    assert second.through
+    assert second.depth == pytest.approx(0.4)
+    assert not first.through
+    floors = [ray_prism(), ray_prism(up=-1.0, height=0.1, radius=11)]  # both tell a floor: a web is between them
+    assert joined(floors, 0.01) == floors
+    aside = [
+        ray_prism(endless=True),
+        replace(ends[1], lattice=replace(ends[1].lattice, origin=np.array([0.4, 0.7, 0.1]))),
+    ]
+    assert joined(aside, 0.01) == aside
+
+
+def test_the_narrower_end_of_a_hole_is_its_width():
+    wide, narrow = ray_prism(through=True, radius=15), ray_prism(through=True, up=-1.0, height=0.2)
+    rim, hole = joined([wide, narrow], 0.01)
+    assert hole is narrow
+    assert not rim.through
+    assert rim.depth == 0
+    chamfered = ray_prism(through=True, radius=17, draft=1.0, sink=0.02)
+    rim, hole = joined([chamfered, narrow], 0.01)
+    assert rim.depth == pytest.approx(0.05, abs=0.006)  # from a radius of .17 to the other's .12
+
+
+def test_a_cross_hole_in_a_shaft_is_opened(tmp_path):
+    """Most of a cross hole's wall is hidden from every silhouette; its mouth lies on a cylinder."""
+    settings = ViewsSettings(rendered_views=30, image_size=400)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="shaft", source="part", path="d_shaft:7", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    areas = {f: (truth.point_face == f).sum() for f, kind in enumerate(truth.face_types) if kind == "cylinder"}
+    hole = truth.point_face == min(areas, key=areas.get)
+
+    def distance(concavities):
+        hull, _ = carve(views, 96, 1, concavities)
+        return float(np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points[hole])).mean())
+
+    closed = distance(False)
+    assert closed > 0.015
+    assert distance(True) < closed / 3

@@ -24,8 +24,9 @@ _REFUTED = 0.12  # share of a place's views
 _NEIGHBOUR_CELLS = 2.5  # places of a hull's mesh this close hang together
 _CORE_SHARE = 0.75  # of the places around one are refuted too; edges are blurred, but narrow
 _CORE_WIDTHS = 0.5  # of the least width of an opening: the radius of "around"
+_APART_WIDTHS = 2.5  # of the least width of an opening: parts of one spot may be this far apart
 _LEAST_PLACES = 12  # of a spot
-_MOST_SPOTS = 12  # looked at, largest first
+_MOST_SPOTS = 8  # looked at, largest first, for either distance
 _REACH = 1.7  # of a spot's radius: the face around it that tells the lid's shape
 _MARGIN_CELLS = 6.0
 _DEGREE = 4  # of the polynomial: a cylinder over 45 degrees is off by .0003 of its radius
@@ -79,7 +80,11 @@ def spots(
     core = np.array([refuted[near].mean() >= _CORE_SHARE for near in around], bool)
     core_places = places[refuted][core]
     found = []
-    for members in _connected(core_places, _NEIGHBOUR_CELLS * cell)[:_MOST_SPOTS]:
+    near = _NEIGHBOUR_CELLS * cell
+    # silhouettes may have opened the middle of a hole, so that its border is in pieces
+    reaches = (near, max(near, _APART_WIDTHS * least_width))
+    groups = [group for reach in reaches for group in _connected(core_places, reach)[:_MOST_SPOTS]]
+    for members in {group.tobytes(): group for group in groups}.values():
         found.append(spot_around(core_places[members], vertices, normals, cell, pitch))
     return [spot for spot in found if spot is not None]
 

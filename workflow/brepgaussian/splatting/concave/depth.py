@@ -51,6 +51,8 @@ _FINEST_LEAN = 0.01
 _LEANING = 0.9  # walls lean only if that leaves at most this share of the straight ones' disagreement
 _CHAMFERED = 0.97  # the same for a hole's rim alone
 _LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
+_MOST_SINK = 0.6  # of the half width
+_LEAST_THROAT = 3.0  # cells, half the width; through a narrower one no view tells anything
 _DEEP = 7.0  # cells
 _SHALLOW_GAIN = 0.4  # for what is shallower: a lid that is badly placed looks like it
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid
@@ -196,7 +198,7 @@ def measure(
             leaning = _refine(rim, leaning if leaning.through or sunk else _best_depth(opening, _DEPTHS, leaning))
             sure = opening.advantage(opening.costs(best), opening.costs(leaning)) > _SURE
             share = opening.score(leaning)[0] / opening.score(best)[0]
-            if sure and share < (_CHAMFERED if sunk else _LEANING) and leaning.sink > _LEAST_SINK:
+            if sure and share < (_CHAMFERED if sunk else _LEANING) and (not sunk or _has_throat(outline, leaning)):
                 best = leaning
     disagreeing, error = opening.score(best)
     closed = opening.closed()
@@ -283,6 +285,12 @@ def _countersunk(opening: _Opening, straight: _Shape) -> _Shape:
         step = step / 2 if better == best else step
         best = better
     return best
+
+
+def _has_throat(outline: NDArray[np.bool_], shape: _Shape) -> bool:
+    """Whether a countersink is more than a rim that is off, and leaves a hole."""
+    width = shape.grow - float(signed_outline(outline).min())
+    return _LEAST_SINK < shape.sink <= _MOST_SINK * width and width - shape.sink >= _LEAST_THROAT
 
 
 def _deepen(opening: _Opening, full: _Opening, best: _Shape) -> _Shape:

@@ -25,7 +25,7 @@ _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
 _PARALLEL = 0.999  # cosine of 2.5 degrees
-_LID_SHARE = 0.5  # of an opening in a curved face is closed by the hull
+_LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 7.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 

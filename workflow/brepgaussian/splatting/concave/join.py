@@ -1,4 +1,8 @@
-"""Two openings of one hole: a hole too long to be seen through shows the same outline on both sides, and no floor."""
+"""Two openings of one hole.
+
+A hole too long to be seen through shows the same outline on both sides, and no floor. A rim that is as bright as the
+face around it may hide on one side, not on both.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Prism, signed_outline
 
 Array = NDArray[np.float64]
 
@@ -15,34 +19,57 @@ _SAME_AREA = 1.5  # ratio of two outlines of one hole
 
 
 def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
-    """The same concavities, but two that face each other and tell no floor are one hole that goes through.
+    """The same concavities, but two that face each other are one hole.
+
+    If both are blind, but tell no floor, it goes through. If both go through and their widths differ, the narrower is
+    the hole: the other's outline is that of its chamfer.
 
     Args:
         prisms: concavities of one hull.
-        tolerance: distance by which the axes of one hole may seem to differ.
+        tolerance: distance by which the axes and walls of one hole may seem to differ.
     """
     left = list(prisms)
-    for i, first in enumerate(left):
+    for i in range(len(left)):
         for j in range(i + 1, len(left)):
-            if _one_hole(first, left[j], tolerance) and not first.through:
-                distance = _distance(first, left[j])
-                smaller, larger = sorted((i, j), key=lambda k: left[k].area)
-                left[smaller] = replace(left[smaller], depth=distance, through=True)
-                left[larger] = replace(left[larger], depth=min(left[larger].depth, distance))
+            if not _face_each_other(left[i], left[j], tolerance):
+                continue
+            narrow, wide = sorted((i, j), key=lambda k: _throat(left[k]))
+            distance = _distance(left[i], left[j])
+            if left[i].endless and left[j].endless and left[wide].area < _SAME_AREA * left[narrow].area:
+                left[narrow] = replace(left[narrow], depth=distance, through=True)
+                left[wide] = replace(left[wide], depth=min(left[wide].depth, distance))
+            elif left[i].through and left[j].through:
+                wider = _throat(left[wide]) - _throat(left[narrow])
+                if wider > tolerance:
+                    left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
     return left
 
 
-def _one_hole(first: Prism, second: Prism, tolerance: float) -> bool:
-    """Whether two concavities may be the two ends of one straight hole."""
-    straight = not (first.draft or second.draft or any(first.tilt) or any(second.tilt))
-    if not (straight and first.endless and second.endless):
+def _face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:
+    """Whether two concavities may be the two ends of one hole, which is straight but for its rims."""
+    if any(first.tilt) or any(second.tilt) or not (_is_straight(first) and _is_straight(second)):
         return False
     if first.lattice.normal @ second.lattice.normal > -_OPPOSITE or _distance(first, second) <= 0:
         return False
     aside = _middle(second) - _middle(first)
     aside -= (aside @ first.lattice.normal) * first.lattice.normal
-    ratio = first.area / second.area
-    return bool(np.linalg.norm(aside) < tolerance and 1 / _SAME_AREA < ratio < _SAME_AREA)
+    return bool(np.linalg.norm(aside) < tolerance)
+
+
+def _is_straight(prism: Prism) -> bool:
+    return not prism.draft or bool(np.isfinite(prism.sink))
+
+
+def _throat(prism: Prism) -> float:
+    """Radius of the circle that is as large as the narrowest part."""
+    sink = prism.sink / prism.lattice.pitch if prism.draft else 0.0
+    cells = np.count_nonzero(signed_outline(prism.outline) < -sink)
+    return float(np.sqrt(cells / np.pi) * prism.lattice.pitch)
+
+
+def _rim_depth(prism: Prism, narrower: float) -> float:
+    """How deep a rim's cone reaches, if it goes on until the hole is narrower by some length than the throat it has."""
+    return (prism.sink + narrower) / prism.draft if prism.draft else 0.0
 
 
 def _distance(first: Prism, second: Prism) -> float:

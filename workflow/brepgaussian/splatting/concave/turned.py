@@ -27,6 +27,7 @@ Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
 
 _ANGLES = 90  # 4 degrees apart
 _EMPTIEST = (0.05, 0.3)  # share of the angles that count as empty somewhere; the second passes by keyways and flats
+_ONE_SIDED = 0.8  # length of the mean direction; that of an arc of 66 degrees
 _REWEIGHTINGS = 12
 _NEAR_VOXELS = 3.0  # the normal of a turned surface passes its axis this near
 _LATERAL = 0.3  # sine of a normal's angle to the axis, for it to tell an axis
@@ -101,6 +102,16 @@ def turn(
             if good:
                 field, scene = opened, after
     return field
+
+
+def _one_sided(empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(R, Z) cells that are empty (A, R, Z) about one direction, or it and the opposite one, only.
+
+    That is a cross hole, a flat or a keyway, no groove.
+    """
+    doubled = np.exp(4j * np.pi * np.arange(len(empty)) / len(empty))  # (A,) opposite directions are alike
+    mean = np.abs(np.tensordot(doubled, empty, axes=1)) / np.maximum(empty.sum(axis=0), 1)
+    return np.asarray(mean > _ONE_SIDED)
 
 
 def axis_of_rotation(vertices: Array, triangles: NDArray[np.int64], near: float) -> Axis | None:
@@ -180,7 +191,8 @@ class _Section:
             points = axis.through + r[:, None, None] * out + z[None, :, None] * axis.direction
             index = ((points - origin) / spacing).reshape(-1, 3).T
             stack[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(r), len(z))
-        self.least = np.quantile(stack, share, axis=0).astype(np.float32)
+        emptiest = np.quantile(stack, share, axis=0)
+        self.least = np.where(_one_sided(stack < 0), np.median(stack, axis=0), emptiest).astype(np.float32)
         self.most = stack.max(axis=0)
         self.radii = r
 

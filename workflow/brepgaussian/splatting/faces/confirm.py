@@ -16,6 +16,11 @@ Array = NDArray[np.float64]
 
 _MOST_DISAGREEMENT = 0.012  # of the face's area: .001-.009 on planes, from .013 on others
 _MINORITY_DISAGREEMENT = 0.004  # the same where most views merge the face with a neighbour
+# Masks may also disagree about a face's holes and countersinks. Then its grey has to speak for it, and its size:
+# a strip of a curved face looks the same from everywhere too, but is narrow.
+_DOUBTFUL_DISAGREEMENT = 0.04
+_DOUBTFUL_EVEN_SHARE = 0.92
+_DOUBTFUL_AREA = 0.03
 _LEAST_AGREEING, _MINORITY = 5, 0.4  # views, and the share of all below which they are a minority
 _MOST_CELLS = 160  # along the longer side of the outline's lattice
 _PITCH_PIXELS = 1.25
@@ -74,7 +79,8 @@ def confirm(
         noise: standard deviation of the images' noise, grey levels.
     """
     few = len(aligned.views) < _MINORITY * len(stack.views)
-    most = _MINORITY_DISAGREEMENT if few else _MOST_DISAGREEMENT
+    doubtful = aligned.disagreement > _MOST_DISAGREEMENT
+    most = _MINORITY_DISAGREEMENT if few else _DOUBTFUL_DISAGREEMENT
     if aligned.disagreement > most or len(aligned.views) < _LEAST_AGREEING:
         return None
     lattice = _lattice(candidate, aligned, _PITCH_PIXELS * views.cameras.footprint())
@@ -83,14 +89,17 @@ def confirm(
     values = stack.sample(cells, aligned.views)
     share = (np.where(seen, np.clip(values + 0.5, 0, 1), 0).sum(axis=0)) / np.maximum(seen.sum(axis=0), 1)
     outline = (share > _INSIDE).reshape(lattice.shape)
-    if not outline.any() or not _is_level(stack, aligned, cells, values, seen, lattice.pitch):
+    if outline.sum() * lattice.pitch**2 < (_DOUBTFUL_AREA if doubtful else 0.0) or not outline.any():
+        return None
+    if not _is_level(stack, aligned, cells, values, seen, lattice.pitch):
         return None
     inner = (ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS).ravel()
     if inner.any():
         grey = _grey(views, luminance, [stack.views[r] for r in aligned.views], cells[inner], seen[:, inner])
         told = np.isfinite(grey).sum(axis=0) >= 2
         low, high = np.nanquantile(grey[:, told], _QUANTILES, axis=0) if told.any() else np.zeros((2, 1))
-        if np.mean(high - low <= max(_TOLERANCE, _SIGMAS * noise)) < _EVEN_SHARE:
+        even = np.mean(high - low <= max(_TOLERANCE, _SIGMAS * noise))
+        if even < (_DOUBTFUL_EVEN_SHARE if doubtful else _EVEN_SHARE):
             return None
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
 
