@@ -1,7 +1,7 @@
 """The ladder: one attempt after another until the gate has no doubts; the last rung always closes."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from brepgaussian.artifacts.primitives import Primitives
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.borders import open_points
 from brepgaussian.brep.caps import find_caps
+from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished
@@ -67,8 +68,11 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
-    """Jobs of other explanations of the points: without skins over inner edges, and afresh (`primitives.afresh`)."""
+    """Jobs of other explanations of the points: without skins, with smooth fillets, afresh (`primitives.afresh`)."""
     yield from bared(job)
+    smooth = rounded(job.patches, primitives.sigma)
+    if smooth is not None:
+        yield replace(job, patches=tuple(smooth))
     for other in alternatives(points, primitives, PrimitivesSettings()):
         afresh = _job(points, other, job.silhouettes, job.settings)
         yield from bared(afresh)
