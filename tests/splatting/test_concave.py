@@ -130,15 +130,15 @@ def test_the_narrower_end_of_a_hole_is_its_width():
 
 def test_a_cross_hole_in_a_shaft_is_opened(tmp_path):
     """Most of a cross hole's wall is hidden from every silhouette; its mouth lies on a cylinder."""
-    settings = ViewsSettings(rendered_views=30, image_size=400)
+    settings = ViewsSettings(rendered_views=40, image_size=500)
     files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    make_views(object_name="shaft", source="part", path="d_shaft:7", settings=settings, **files)
+    make_views(object_name="shaft", source="part", path="d_shaft:3", settings=settings, **files)
     views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
     areas = {f: (truth.point_face == f).sum() for f, kind in enumerate(truth.face_types) if kind == "cylinder"}
     hole = truth.point_face == min(areas, key=areas.get)
 
     def distance(concavities):
-        hull, _ = carve(views, 96, 1, concavities)
+        hull, _ = carve(views, 120, 1, concavities)
         return float(np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points[hole])).mean())
 
     closed = distance(False)
