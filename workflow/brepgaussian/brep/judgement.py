@@ -9,7 +9,7 @@ from brepgaussian.brep.simplify import complexity
 from brepgaussian.brep.structure import SMOOTH
 from brepgaussian.settings.brep import BrepSettings
 
-_PX_SLACK = 0.02  # of the worst edge's silhouette residual: less than that is noise of the median
+_PX_SLACK = 0.01  # of the worst edge's silhouette residual: less than that is noise of the median
 _IOU_SLACK = 5e-5
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
 _HALF = 0.5

@@ -69,6 +69,7 @@ def confirm(
     aligned: Aligned,
     scene: Scene,
     noise: float,
+    strict: bool = False,
 ) -> Face | None:
     """The face of an aligned candidate, or None where the views contradict it.
 
@@ -77,10 +78,11 @@ def confirm(
         stack, candidate, aligned: the candidate with its plane.
         scene: the hull.
         noise: standard deviation of the images' noise, grey levels.
+        strict: don't let a face's grey outweigh that masks disagree about it.
     """
     few = len(aligned.views) < _MINORITY * len(stack.views)
     doubtful = aligned.disagreement > _MOST_DISAGREEMENT
-    most = _MINORITY_DISAGREEMENT if few else _DOUBTFUL_DISAGREEMENT
+    most = _MINORITY_DISAGREEMENT if few else _MOST_DISAGREEMENT if strict else _DOUBTFUL_DISAGREEMENT
     if aligned.disagreement > most or len(aligned.views) < _LEAST_AGREEING:
         return None
     lattice = _lattice(candidate, aligned, _PITCH_PIXELS * views.cameras.footprint())

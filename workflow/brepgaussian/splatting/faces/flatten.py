@@ -94,7 +94,12 @@ def _flatten(
     for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
         stack = Stack(views.cameras, patches, candidate)
         aligned = align(stack, candidate, scene)
-        face = None if aligned is None else confirm(views, luminance, stack, candidate, aligned, scene, noise)
+        # what a cut has left of a rounded inner edge may be flat: only the hull as it was is worth a doubt
+        face = (
+            None
+            if aligned is None
+            else confirm(views, luminance, stack, candidate, aligned, scene, noise, strict=bool(known))
+        )
         if face is None or any(_same(face, other, spacing) for other in faces):
             continue
         if not any(_same(face, other, spacing) and face.area < _LARGER * other.area for other in known):
