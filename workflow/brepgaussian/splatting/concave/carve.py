@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.find import find_curved, find_prisms, grey_tolerance
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sweep import straighten, subtract
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
@@ -56,18 +58,16 @@ def open_concavities(
     Returns:
         The opened field and the concavities.
     """
-    luminance = views.luminance
+    images = Images(views, views.luminance, grey_tolerance(noise))
     known: list[Prism] = []
     for _ in range(_LEVELS):
-        vertices, triangles = mesher(field)
-        found = find_prisms(views, luminance, vertices, triangles, spacing, noise, known)
+        found = find_prisms(images, Scene(*mesher(field)), spacing, known)
         if not found:
             break
         for prism in found:
             field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known += found
-    vertices, triangles = mesher(field)
-    for prism in find_curved(views, luminance, vertices, triangles, spacing, noise, known):
+    for prism in find_curved(images, Scene(*mesher(field)), spacing, known):
         field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known.append(prism)
     return field, known

@@ -13,8 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.openings import refuted_share
+from brepgaussian.splatting.concave.openings import Images, refuted_share
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 
@@ -46,34 +45,23 @@ class Spot:
 
 
 def spots(
-    views: Views,
-    luminance: NDArray[np.float32],
-    scene: Scene,
-    vertices: Array,
-    normals: Array,
-    free: NDArray[np.bool_],
-    cell: float,
-    pitch: float,
-    least_width: float,
-    tolerance: float,
+    images: Images, scene: Scene, free: NDArray[np.bool_], cell: float, pitch: float, least_width: float
 ) -> list[Spot]:
     """Lattices over the parts of a hull's curved faces about which the views disagree.
 
     Args:
-        views: images and cameras.
-        luminance: (V, H, W) their grey levels.
-        scene: the hull, of which `vertices` (K, 3) and `normals` (K, 3) are.
-        free: (K,) vertices that lie on no plane.
+        images: of all views.
+        scene: the hull.
+        free: (K,) its vertices that lie on no plane.
         cell: the hull's resolution.
         pitch: side of a lattice's cell.
         least_width: of an opening.
-        tolerance: grey levels that one place may differ by.
     """
     chosen = np.flatnonzero(free)
     if len(chosen) < _LEAST_PLACES:
         return []
-    places = vertices[chosen]
-    share = refuted_share(views, luminance, scene, places, normals[chosen], pitch, tolerance)
+    places = scene.vertices[chosen]
+    share = refuted_share(images, scene, places, scene.normals[chosen], pitch)
     refuted = share > _REFUTED
     tree = cKDTree(places)
     around = tree.query_ball_point(places[refuted], max(_CORE_WIDTHS * least_width, _NEIGHBOUR_CELLS * cell))
@@ -85,7 +73,7 @@ def spots(
     reaches = (near, max(near, _APART_WIDTHS * least_width))
     groups = [group for reach in reaches for group in _connected(core_places, reach)[:_MOST_SPOTS]]
     for members in {group.tobytes(): group for group in groups}.values():
-        found.append(spot_around(core_places[members], vertices, normals, cell, pitch))
+        found.append(spot_around(core_places[members], scene, cell, pitch))
     return [spot for spot in found if spot is not None]
 
 
@@ -100,11 +88,12 @@ def _connected(points: Array, reach: float) -> list[NDArray[np.int64]]:
     return sorted((g for g in groups if len(g) >= _LEAST_PLACES), key=lambda g: (-len(g), int(g[0])))
 
 
-def spot_around(members: Array, vertices: Array, normals: Array, cell: float, pitch: float) -> Spot | None:
+def spot_around(members: Array, scene: Scene, cell: float, pitch: float) -> Spot | None:
     """A lattice over places (N, 3) that are no surface, square to the face around them.
 
     None if nothing smooth surrounds them, or only a plane. Other arguments are those of `spots`.
     """
+    vertices, normals = scene.vertices, scene.normals
     center = members.mean(axis=0)
     radius = float(np.linalg.norm(members - center, axis=1).max()) + cell
     reach = _REACH * radius + _MARGIN_CELLS * pitch

@@ -7,15 +7,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.join import joined
-from brepgaussian.splatting.concave.openings import Stack, enclosed, is_framed, openings, rectify
+from brepgaussian.splatting.concave.openings import Images, Stack, enclosed, is_framed, openings, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.mesh import vertex_normals
 
 _NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
 _SIGMAS = 3.0
@@ -29,86 +27,67 @@ _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 7.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 
+Array = NDArray[np.float64]
+
 logger = log.get_logger("stage1")
 
 
-def find_prisms(
-    views: Views,
-    luminance: NDArray[np.float32],
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    cell: float,
-    noise: float = 0.0,
-    known: Sequence[Prism] = (),
-) -> list[Prism]:
+def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
     """Find pockets, blind holes and holes under the planar faces of a hull.
 
     Args:
-        views: images and cameras.
-        luminance: (V, H, W) their grey levels.
-        vertices: (K, 3) and triangles: (T, 3): the hull's mesh, counter-clockwise from outside.
-        cell: the hull's resolution.
-        noise: standard deviation of the images' noise, grey levels.
+        images: of all views.
+        scene: the hull.
+        cell: its resolution.
         known: concavities that are already carved into the hull. If there are any, only their floors are
             looked at: their walls are no lids.
     """
-    scene = Scene(vertices, triangles)
-    footprint = views.cameras.footprint()
-    tolerance = grey_tolerance(noise)
+    mesh = scene.vertices, scene.triangles
+    footprint = images.views.cameras.footprint()
     found: list[Prism] = []
-    for region in planar_regions(vertices, triangles, 2 * cell):
+    for region in planar_regions(*mesh, 2 * cell):
         if known and not _is_floor(region, known, 2 * cell):
             continue
-        lattice = region.lattice(vertices, triangles, _PITCH_PIXELS * footprint)
+        lattice = region.lattice(*mesh, _PITCH_PIXELS * footprint)
         if np.prod(lattice.shape) > _MAXIMUM_CELLS:
             coarser = lattice.pitch * np.sqrt(np.prod(lattice.shape) / _MAXIMUM_CELLS)
-            lattice = region.lattice(vertices, triangles, coarser)
-        if min(lattice.shape) < _LEAST_WIDTH_PIXELS:
-            continue
-        stack = rectify(views, luminance, scene, lattice, tolerance)
-        found += _concavities(views, scene, stack, footprint, tolerance)
+            lattice = region.lattice(*mesh, coarser)
+        if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
+            found += _concavities(images, scene, rectify(images, scene, lattice))
     return joined(found, 2 * cell)
 
 
-def find_curved(
-    views: Views,
-    luminance: NDArray[np.float32],
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    cell: float,
-    noise: float = 0.0,
-    known: Sequence[Prism] = (),
-) -> list[Prism]:
+def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
     """Find holes and pockets in the curved faces of a hull. Arguments and results are those of `find_prisms`."""
-    scene = Scene(vertices, triangles)
-    footprint = views.cameras.footprint()
-    tolerance = grey_tolerance(noise)
-    free = np.ones(len(vertices), bool)
-    for region in planar_regions(vertices, triangles, 2 * cell):
-        free[triangles[region.triangles].ravel()] = False
-    for prism in known:
-        free &= np.abs(prism.signed_distance(vertices, 2 * cell)) > 2 * cell
-    normals = vertex_normals(vertices, triangles)
+    footprint = images.views.cameras.footprint()
     pitch, width = _PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
+    free = np.ones(len(scene.vertices), bool)
+    for region in planar_regions(scene.vertices, scene.triangles, 2 * cell):
+        free[scene.triangles[region.triangles].ravel()] = False
+    for prism in known:
+        free &= np.abs(prism.signed_distance(scene.vertices, 2 * cell)) > 2 * cell
     found: list[Prism] = []
-    slack = 2 * pitch
-    for spot in spots(views, luminance, scene, vertices, normals, free, cell, pitch, width, tolerance):
-        stack = rectify(views, luminance, scene, spot.lattice, tolerance, spot.relief)
+    for spot in spots(images, scene, free, cell, pitch, width):
+        stack = rectify(images, scene, spot.lattice, spot.relief)
         for outline in openings(stack, width**2):
             places = stack.surface()[outline]
-            middle = places.mean(axis=0)[None]
-            if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in [*known, *found]):
+            if not is_framed(stack, outline) or _is_open(places, scene, [*known, *found], cell, pitch):
                 continue
-            if (np.abs(scene.signed_distance(places)) < slack).mean() < _LID_SHARE:
-                continue  # open already
             # looked at again from over its own middle: there the face's normal is the direction of a hole
-            square = spot_around(places, vertices, normals, cell, pitch) if is_framed(stack, outline) else None
+            square = spot_around(places, scene, cell, pitch)
             if square is not None:
-                again = rectify(views, luminance, scene, square.lattice, tolerance, square.relief)
+                again = rectify(images, scene, square.lattice, square.relief)
                 shallow = _LEAST_CURVED_CELLS * pitch + square.relief.max()
-                fits = _concavities(views, scene, again, footprint, tolerance, centered=True)
-                found += [prism for prism in fits if prism.depth > shallow]
+                found += [p for p in _concavities(images, scene, again, centered=True) if p.depth > shallow]
     return found
+
+
+def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, pitch: float) -> bool:
+    """Whether the lid (N, 3) of an opening is gone: over a concavity that is known, or where silhouettes show none."""
+    middle = places.mean(axis=0)[None]
+    if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in known):
+        return True
+    return bool((np.abs(scene.signed_distance(places)) < 2 * pitch).mean() < _LID_SHARE)
 
 
 def grey_tolerance(noise: float) -> float:
@@ -116,19 +95,18 @@ def grey_tolerance(noise: float) -> float:
     return max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
 
 
-def _concavities(
-    views: Views, scene: Scene, stack: Stack, footprint: float, tolerance: float, centered: bool = False
-) -> list[Prism]:
+def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = False) -> list[Prism]:
     """What lies under the openings of one face (or under its middle), best told first, none over another."""
-    least = (_LEAST_WIDTH_PIXELS * footprint) ** 2
-    outlines = openings(stack, least) + enclosed(stack, least, tolerance)
+    cameras = images.views.cameras
+    least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
+    outlines = openings(stack, least) + enclosed(stack, least, images.tolerance)
     if centered:
         middle = tuple(n // 2 for n in stack.lattice.shape)
         outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
     fits = []
     for outline in outlines:
         if is_framed(stack, outline):
-            fit = measure(stack, outline, views.cameras.centers, scene, tolerance)
+            fit = measure(stack, outline, cameras.centers, scene, images.tolerance)
             if fit is not None and _believable(fit[0]):
                 fits.append(fit)
     taken = np.zeros(stack.lattice.shape, bool)

@@ -28,6 +28,15 @@ _OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
 @dataclass(frozen=True)
+class Images:
+    """What the cameras saw: `views`, their grey levels (V, H, W), and by how many of these one place may differ."""
+
+    views: Views
+    luminance: NDArray[np.float32]
+    tolerance: float
+
+
+@dataclass(frozen=True)
 class Stack:
     """What every view shows on a lattice.
 
@@ -50,22 +59,13 @@ class Stack:
         return self.lattice.centers() - self.relief[..., None] * self.lattice.normal
 
 
-def rectify(
-    views: Views,
-    luminance: NDArray[np.float32],
-    scene: Scene,
-    lattice: Lattice,
-    tolerance: float,
-    relief: Array | None = None,
-) -> Stack:
+def rectify(images: Images, scene: Scene, lattice: Lattice, relief: Array | None = None) -> Stack:
     """Look at a face through all views.
 
     Args:
-        views: images and cameras.
-        luminance: (V, H, W) grey levels.
+        images: of all views.
         scene: the hull.
         lattice: cells on the plane.
-        tolerance: grey levels that one place may differ by.
         relief: (R, C) how far a curved face lies below the lattice; None = a plane.
     """
     if relief is None:
@@ -78,42 +78,27 @@ def rectify(
     distance = scene.signed_distance(cells)
     on_hull = (np.abs(distance) < slack).reshape(lattice.shape)
     domain = ndimage.binary_fill_holes(on_hull) & (distance > -slack).reshape(lattice.shape)
-    grey, shown = _look(views, luminance, scene, cells, normals, lattice.pitch, domain.ravel(), tolerance)
+    grey, shown = _look(images, scene, cells, normals, lattice.pitch, domain.ravel())
     shape = (len(grey), *lattice.shape)
     return Stack(lattice, domain, shown.reshape(shape), grey.reshape(shape), relief)
 
 
-def refuted_share(
-    views: Views,
-    luminance: NDArray[np.float32],
-    scene: Scene,
-    places: Array,
-    normals: Array,
-    pitch: float,
-    tolerance: float,
-) -> Array:
+def refuted_share(images: Images, scene: Scene, places: Array, normals: Array, pitch: float) -> Array:
     """(N,) share of the views of places (N, 3) on a hull that don't show what the others show there."""
-    everywhere = np.ones(len(places), bool)
-    return _against(_look(views, luminance, scene, places, normals, pitch, everywhere, tolerance)[1])
+    return _against(_look(images, scene, places, normals, pitch, np.ones(len(places), bool))[1])
 
 
 def _look(
-    views: Views,
-    luminance: NDArray[np.float32],
-    scene: Scene,
-    cells: Array,
-    normals: Array,
-    pitch: float,
-    domain: NDArray[np.bool_],
-    tolerance: float,
+    images: Images, scene: Scene, cells: Array, normals: Array, pitch: float, domain: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Grey levels (V, N) of cells (N, 3), and what they show (V, N); see `Stack`."""
-    grey = np.full((len(views.cameras), len(cells)), np.nan, np.float32)  # -1 = background
-    for view, center in enumerate(views.cameras.centers):
+    cameras = images.views.cameras
+    grey = np.full((len(cameras), len(cells)), np.nan, np.float32)  # -1 = background
+    for view, center in enumerate(cameras.centers):
         seen = np.flatnonzero(_visible(scene, cells, normals, center, pitch, domain))
         if len(seen):
-            grey[view, seen] = _sample(views, luminance, view, cells[seen])
-    shown = np.where(np.abs(grey - _consensus(grey)) <= tolerance, LID, WALL).astype(np.uint8)
+            grey[view, seen] = _sample(images, view, cells[seen])
+    shown = np.where(np.abs(grey - _consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
     return grey, shown
@@ -216,12 +201,12 @@ def _visible(
     return visible
 
 
-def _sample(views: Views, luminance: NDArray[np.float32], view: int, points: Array) -> NDArray[np.float32]:
+def _sample(images: Images, view: int, points: Array) -> NDArray[np.float32]:
     """(N,) grey level, -1 on background, NaN on the silhouette's border."""
-    pixels, _ = views.cameras.project(view, points)
+    pixels, _ = images.views.cameras.project(view, points)
     at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
-    alpha = ndimage.map_coordinates(views.alpha[view], at, order=1, output=np.float32)
-    grey = ndimage.map_coordinates(luminance[view], at, order=1, output=np.float32)
+    alpha = ndimage.map_coordinates(images.views.alpha[view], at, order=1, output=np.float32)
+    grey = ndimage.map_coordinates(images.luminance[view], at, order=1, output=np.float32)
     return np.where(alpha > _OPAQUE, grey, np.where(alpha < _CLEAR, -1, np.nan)).astype(np.float32)
 
 

@@ -1,18 +1,27 @@
 """Ray casting against a hull's mesh."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from brepgaussian.splatting.mesh import vertex_normals
+
 
 class Scene:
-    """A triangle mesh to cast rays against."""
+    """A triangle mesh to cast rays against: `vertices` (K, 3), `triangles` (T, 3) counter-clockwise from outside."""
 
     def __init__(self, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> None:
+        self.vertices, self.triangles = np.asarray(vertices, np.float64), np.asarray(triangles, np.int64)
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """(K, 3) outward unit normals at the vertices."""
+        return vertex_normals(self.vertices, self.triangles)
 
     def signed_distance(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """(N,) distances of (N, 3) points, negative inside."""

@@ -1,0 +1,86 @@
+"""Concavities whose walls are not straight: countersunk, through at an angle, narrowing."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.splatting.concave.prism import signed_outline
+from brepgaussian.splatting.concave.shapes import FINEST, Opening, Shape, best_depth
+
+_THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
+_COUNTERSINK_RATIO = 1.2  # of the drafts tried first: 45 degrees, then 40 and 50
+_FEW_DEPTHS = 10
+_TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
+_DRAFTS = (0.25, 0.5, 1.0)
+_MOST_DRAFT = 1.5
+_FINEST_LEAN = 0.01
+_LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
+_MOST_SINK = 0.6  # of the half width
+_LEAST_THROAT = 3.0  # cells, half the width; through a narrower one no view tells anything
+
+
+def countersunk(opening: Opening, straight: Shape) -> Shape:
+    """The best countersunk or chamfered hole (perhaps at its far end too), or blind one as deep as a straight one."""
+    width = float(-signed_outline(opening.outline).min())
+    shapes = [Shape(end, through=True) for end in opening.ends] if opening.holed else []
+    if not straight.through:
+        shapes.append(straight)
+    throats = []
+    for shape in shapes:
+        for share in _THROATS:
+            throat = replace(shape, draft=1.0, sink=float(share) * width)
+            throats.append(throat)
+            if shape.through:
+                throats.append(replace(throat, depth=throat.depth - throat.sink))
+    best = min(throats, key=opening.cost)
+    widest = float(_THROATS[-1]) * width
+    step = 1.0
+    while step > FINEST:
+        moves = [
+            replace(best, grow=best.grow + g * step, sink=float(np.clip(best.sink + k * step, 0.0, widest)))
+            for g, k in ((0, 0), (1, 1), (-1, -1), (0, 1), (0, -1))  # the rim or the throat moves
+        ]
+        drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
+        moves += [replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT]
+        better = min(moves, key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
+
+
+def has_throat(outline: NDArray[np.bool_], shape: Shape) -> bool:
+    """Whether a countersink is more than a rim that is off, and leaves a hole."""
+    width = shape.grow - float(signed_outline(outline).min())
+    return _LEAST_SINK < shape.sink <= _MOST_SINK * width and width - shape.sink >= _LEAST_THROAT
+
+
+def oblique(opening: Opening) -> Shape:
+    """The best hole that goes through at an angle."""
+    shapes = [Shape(opening.deepest, tilt=(float(u), float(v)), through=True) for u in _TILTS for v in _TILTS]
+    best = min(shapes, key=opening.cost)
+    step = (_TILTS[1] - _TILTS[0]) / 2
+    while step > _FINEST_LEAN:
+        u, v = best.tilt
+        moves = ((0, 0), (step, 0), (-step, 0), (0, step), (0, -step))
+        better = min((replace(best, tilt=(float(u + du), float(v + dv))) for du, dv in moves), key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
+
+
+def tapered(opening: Opening) -> Shape:
+    """The best concavity that narrows with its depth."""
+    best = min((best_depth(opening, _FEW_DEPTHS, Shape(0.0, draft=d)) for d in _DRAFTS), key=opening.cost)
+    step = _DRAFTS[0] / 2
+    while step > _FINEST_LEAN:
+        tried = [replace(best, draft=float(np.clip(best.draft + k, 0.0, _MOST_DRAFT))) for k in (0, step, -step)]
+        if not best.through:
+            tried += [
+                replace(best, depth=float(np.clip(best.depth * k, opening.shallowest, opening.deepest)))
+                for k in (0.9, 1.1)
+            ]
+        better = min(tried, key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best

@@ -1,0 +1,149 @@
+"""Shapes that a concavity may have, and how well each explains the rays through its opening."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
+from brepgaussian.splatting.concave.rays import Rays, exits
+
+Array = NDArray[np.float64]
+Ends = tuple[float, ...]  # depths in cells at which a hole is through
+Costs = tuple[Array, NDArray[np.bool_]]  # (N,) disagreement of rays, (N,) which of them are told
+
+SHALLOWEST = 3.0  # cells
+_DEEPER = 0.005  # of the range of disagreement: price of each doubling of the depth, against drifting on a plateau
+SURE = 4.0  # standard errors by which a deeper floor must explain the rays better
+_NOTHING = 1e-9
+_RESTING = 0.8  # of the rays that reach a floor
+_MOST_PLACE_CELLS = 8.0
+_UNIT_CELLS = 3  # rays of one view this close to each other err together
+FINEST = 0.25  # cells
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is sought, in cells."""
+
+    depth: float
+    grow: float = 0.0
+    draft: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    through: bool = False
+    sink: float = np.inf
+
+    @property
+    def walls(self) -> tuple[float, ...]:
+        """All but how deep it is."""
+        return (self.grow, self.draft, self.sink, *self.tilt)
+
+
+STRAIGHT = Shape(SHALLOWEST)
+
+
+class Opening:
+    """One opening with its rays; remembers what was tried."""
+
+    def __init__(
+        self,
+        every: Rays,
+        count: int,
+        outline: NDArray[np.bool_],
+        ends: Ends,
+        tolerance: float,
+        breaks: bool,
+    ) -> None:
+        """Use `count` of all rays; `ends` and `breaks` are those of `_ends`."""
+        rays = every.sample(count)
+        self.face = float(every.entry.max())  # the deepest that the face lies below the lattice
+        self.shallowest = self.face + SHALLOWEST
+        self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
+        # fewer rays need larger places to agree in
+        self.side = min(PLACE_CELLS * np.sqrt(len(every) / max(len(rays), 1)), _MOST_PLACE_CELLS)
+        self.holed = (rays.grey < 0).sum() >= LEAST_PASSING or breaks
+        self.deepest = ends[-1]
+        self.price = 0.0  # of each doubling of the depth
+        self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
+        places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
+        self._units = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+
+    def costs(self, shape: Shape, even: bool = False) -> Costs:
+        """(N,) disagreement of the rays, (N,) which of them are told."""
+        sheared, found = self._traced(shape)
+        return disagreement(
+            sheared, found, shape.depth, self.tolerance, shape.through, PLACE_CELLS if even else self.side, even
+        )
+
+    def _traced(self, shape: Shape) -> tuple[Rays, Array]:
+        """The rays in the frame of a shape's walls, and (N,) where they meet these."""
+        if shape.walls not in self._exits:
+            sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
+            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
+            self._exits[shape.walls] = sheared, found
+        return self._exits[shape.walls]
+
+    def rests(self, shape: Shape) -> bool:
+        """Whether a floor has the hull below it: most rays that reach it don't go on through what is open already."""
+        sheared, found = self._traced(shape)
+        reached = found >= shape.depth
+        below = sheared.met(np.full(len(found), shape.depth), np.zeros(len(found), bool))[reached]
+        return bool((below <= shape.depth).sum() >= _RESTING * len(below))
+
+    def score(self, shape: Shape) -> tuple[float, float]:
+        """Mean disagreement and share of contradicting rays."""
+        return summary(*self.costs(shape))
+
+    def closed(self) -> float:
+        """Disagreement on the lid, were there no concavity."""
+        return summary(*disagreement(self.rays, np.full(len(self.rays), -1.0), 0.0, self.tolerance, side=self.side))[0]
+
+    def rim_cost(self, shape: Shape) -> float:
+        """Disagreement where each place has one grey."""
+        return summary(*self.costs(shape, even=True))[0]
+
+    def cost(self, shape: Shape) -> float:
+        """Disagreement alone, and the price of depth."""
+        return self.score(shape)[0] + self.price * np.log2(max(shape.depth, 1.0))
+
+    def simplest(self, shapes: Sequence[Shape], known: Mapping[Shape, Costs] = MappingProxyType({})) -> Shape:
+        """One of the shapes, simplest first: a later one replaces it only if that surely explains the rays better.
+
+        Args:
+            shapes: in order.
+            known: costs that were computed already.
+        """
+        best, costs = shapes[0], known.get(shapes[0]) or self.costs(shapes[0])
+        for shape in shapes[1:]:
+            other = known.get(shape) or self.costs(shape)
+            if self.advantage(costs, other) > SURE:
+                best, costs = shape, other
+        return best
+
+    def advantage(self, costs: Costs, other: Costs) -> float:
+        """By how many standard errors the rays that both shapes tell of disagree less on the other."""
+        less = np.bincount(self._units, np.where(costs[1] & other[1], costs[0] - other[0], 0.0))
+        return float(less.sum() / max(float(np.sqrt((less**2).sum())), _NOTHING))
+
+
+def summary(against: Array, told: NDArray[np.bool_]) -> tuple[float, float]:
+    """Mean disagreement of the rays (N,) that are told (N,), and share of those that contradict."""
+    if not told.any():
+        return np.inf, 1.0
+    return float(against[told].mean()), float((against[told] > 1).mean())
+
+
+def best_depth(opening: Opening, count: int, like: Shape = STRAIGHT) -> Shape:
+    """The best of some depths, of walls that lean like those of another shape."""
+    depths = np.unique(np.geomspace(opening.shallowest, max(opening.deepest, opening.shallowest), count))
+    blind = [replace(like, depth=float(d), through=False) for d in depths]
+    known: dict[Shape, Costs] = {}
+    if not opening.price:
+        known = {shape: opening.costs(shape) for shape in blind}
+        scores = [summary(*costs)[0] for costs in known.values()]
+        opening.price = _DEEPER * (max(scores) - min(scores))
+    holes = [replace(like, depth=end, through=True) for end in opening.ends if opening.holed]
+    # where something shows through, a hole is the simplest
+    return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]], known)
