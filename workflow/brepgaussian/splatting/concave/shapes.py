@@ -67,6 +67,7 @@ class Opening:
         self.deepest = ends[-1]
         self.price = 0.0  # of each doubling of the depth
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
+        self._scores: dict[tuple[Shape, bool], tuple[float, float]] = {}
         places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
         self._units = np.unique(places, axis=0, return_inverse=True)[1].ravel()
 
@@ -92,9 +93,12 @@ class Opening:
         below = sheared.met(np.full(len(found), shape.depth), np.zeros(len(found), bool))[reached]
         return bool((below <= shape.depth).sum() >= _RESTING * len(below))
 
-    def score(self, shape: Shape) -> tuple[float, float]:
+    def score(self, shape: Shape, even: bool = False) -> tuple[float, float]:
         """Mean disagreement and share of contradicting rays."""
-        return summary(*self.costs(shape))
+        key = shape, even
+        if key not in self._scores:  # searches come back to the same shapes
+            self._scores[key] = summary(*self.costs(shape, even))
+        return self._scores[key]
 
     def closed(self) -> float:
         """Disagreement on the lid, were there no concavity."""
@@ -102,7 +106,7 @@ class Opening:
 
     def rim_cost(self, shape: Shape) -> float:
         """Disagreement where each place has one grey."""
-        return summary(*self.costs(shape, even=True))[0]
+        return self.score(shape, even=True)[0]
 
     def cost(self, shape: Shape) -> float:
         """Disagreement alone, and the price of depth."""
