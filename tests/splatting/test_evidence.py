@@ -7,10 +7,12 @@ from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
 from brepgaussian.splatting.concave.contours import chords_in, loss
+from brepgaussian.splatting.concave.leaning import countersunk
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.radiance import disagreement
 from brepgaussian.splatting.concave.rays import Rays, exits
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shapes import Opening, Shape
 from brepgaussian.splatting.evidence import concavity_edges, edge_cloud, unobserved
 from brepgaussian.splatting.evidence.edgels import find_edgels
 from brepgaussian.splatting.evidence.edges import EdgeCloud
@@ -79,6 +81,20 @@ def test_views_agree_at_the_true_depth_only():
     rays = Rays(start, sideways, grey, *everywhere)
     costs = {tried: disagreement(rays, leaves, tried, 1.5)[0].mean() for tried in (8.0, 11.0, 14.0, 17.0, 22.0)}
     assert min(costs, key=costs.get) == depth
+
+
+def test_a_hole_that_a_sample_of_its_rays_does_not_show_is_no_countersink():
+    rng = np.random.default_rng(12)
+    outline = np.zeros((40, 40), bool)
+    outline[10:30, 10:30] = True
+    count = 3000
+    start, sideways = rng.uniform(10, 29, (count, 2)), rng.uniform(-1, 1, (count, 2))
+    solid = np.zeros((count, 0)), np.ones(count, bool), np.zeros(count)
+    rays = Rays(start, sideways, np.full(count, 90.0), np.arange(count) % 5, *solid)  # none shows background
+    opening = Opening(rays, 1000, outline, (20.0,), 1.5, breaks=False)
+    hole = Shape(20.0, through=True)
+    assert not opening.holed
+    assert opening.score(countersunk(opening, hole))[0] >= opening.score(hole)[0]
 
 
 def test_edges_and_open_channel_of_a_part(channel):

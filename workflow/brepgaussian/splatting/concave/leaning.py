@@ -24,7 +24,7 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
     """The best countersunk or chamfered hole (perhaps at its far end too), or blind one as deep as a straight one."""
     width = float(-signed_outline(opening.outline).min())
     shapes = [Shape(end, through=True) for end in opening.ends] if opening.holed else []
-    if not straight.through:
+    if not straight.through or not shapes:  # fewer rays may not show that it goes through
         shapes.append(straight)
     throats = []
     for shape in shapes:
