@@ -94,8 +94,8 @@ def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape
         sunk = np.isfinite(shape.sink)
         shape = _refine(rim, shape if shape.through or sunk else best_depth(opening, _DEPTHS, shape))
         sure = opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
-        share = opening.score(shape)[0] / opening.score(best)[0]
-        if sure and share < (_CHAMFERED if sunk else _LEANING) and (not sunk or has_throat(opening.outline, shape)):
+        most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]
+        if sure and opening.score(shape)[0] < most and (not sunk or has_throat(opening.outline, shape)):
             best = shape
     return best
 
