@@ -5,7 +5,7 @@ import pytest
 from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
-from brepgaussian.splatting.concave.find import grey_tolerance
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.turned import axis_of_rotation, turn
 from brepgaussian.splatting.hull import carve
@@ -63,12 +63,12 @@ def test_a_groove_around_a_ring_is_emptied(tmp_path):
 
     def look(field, origin, spacing, mesher):
         found["before"] = distances(field, origin, spacing, mesher)
-        field = turn(views, views.luminance, field, origin, spacing, mesher, grey_tolerance(0.0))
+        field = turn(Images.of(views), field, origin, spacing, mesher)
         found["after"] = distances(field, origin, spacing, mesher)
         return field, []
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("brepgaussian.splatting.concave.open_channels", lambda v, f, o, s, m, n: look(f, o, s, m))
+        patch.setattr("brepgaussian.splatting.concave.open_channels", lambda images, f, o, s, m: look(f, o, s, m))
         carve(views, 96, 1, True)
     faces = range(len(truth.face_types))
     before, after = ([found[key][truth.point_face == f].mean() for f in faces] for key in ("before", "after"))

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, touch
 from brepgaussian.geometry.surfaces import Surface, torus
 
 _TOUCH = 3.0  # of reach: patches this near to each other are neighbours
@@ -29,22 +29,13 @@ def rounded(patches: Sequence[Patch], noise: float) -> list[Patch] | None:
         if patch.surface.kind != "torus":
             continue
         tree = cKDTree(patch.xyz)
-        beside = [p for k, p in enumerate(patches) if k != i and _near(p, patch, tree)]
-        found = [f for f in _fillets(patch, beside) if _sigma(f, patch) <= _WORSE * max(patch.sigma, noise)]
+        beside = [p for k, p in enumerate(patches) if k != i and touch(p, patch, _TOUCH, tree)]
+        found = [f for f in _fillets(patch, beside) if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)]
         if found:
-            surface = min(found, key=lambda f: _sigma(f, patch))
+            surface = min(found, key=lambda f: f.rms(patch.xyz))
             if float(np.abs(surface.signed_distance(patch.surface.project(patch.xyz))).max()) > _SAME:
-                result[i] = replace(patch, surface=surface, sigma=_sigma(surface, patch))
+                result[i] = replace(patch, surface=surface, sigma=surface.rms(patch.xyz))
     return result if any(a is not b for a, b in zip(result, patches, strict=True)) else None
-
-
-def _near(other: Patch, patch: Patch, tree: cKDTree) -> bool:
-    limit = _TOUCH * max(other.reach, patch.reach)
-    return bool(tree.query(other.xyz, distance_upper_bound=limit)[0].min() <= limit)
-
-
-def _sigma(surface: Surface, patch: Patch) -> float:
-    return float(np.sqrt(np.mean(surface.signed_distance(patch.xyz) ** 2)))
 
 
 def _fillets(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
@@ -59,7 +50,7 @@ def _fillets(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
                 limits = (_LEAST * wall.radius, _MOST * wall.radius)
 
                 def cost(minor: float, wall: Surface = wall, floor: Surface = floor, sign: int = sign) -> float:
-                    return _sigma(touching(wall, floor, sign * minor), patch)
+                    return touching(wall, floor, sign * minor).rms(patch.xyz)
 
                 minor = float(minimize_scalar(cost, bounds=limits, method="bounded").x)
                 surface = touching(wall, floor, sign * minor)

@@ -62,9 +62,16 @@ def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -
         keep, reach = _dense(xyz)
         if keep.sum() < _MIN_POINTS:
             continue
-        sigma = float(np.sqrt(np.mean(item.surface.signed_distance(xyz[keep]) ** 2)))
+        sigma = item.surface.rms(xyz[keep])
         patches.append(Patch(item.surface, index, xyz[keep], normals[keep], min(reach, max_reach), sigma))
     return patches
+
+
+def touch(first: Patch, second: Patch, reaches: float, tree: cKDTree | None = None) -> bool:
+    """Whether two patches lie within some of the larger reach; `tree`: of the second's points, if at hand."""
+    limit = reaches * max(first.reach, second.reach)
+    tree = cKDTree(second.xyz) if tree is None else tree
+    return bool(tree.query(first.xyz, distance_upper_bound=limit)[0].min() <= limit)
 
 
 def _sane(surface: Surface) -> bool:

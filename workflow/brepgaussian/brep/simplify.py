@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.job import Job
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, touch
 from brepgaussian.geometry.fit_robust import fit_robust
 from brepgaussian.geometry.surfaces import Surface
 
@@ -100,9 +100,8 @@ def _merges(patches: Sequence[Patch], noise: float, rng: np.random.Generator) ->
     trees = [cKDTree(p.xyz) for p in patches]
     for i, j in combinations(range(len(patches)), 2):
         large, small = (i, j) if len(patches[i].xyz) >= len(patches[j].xyz) else (j, i)
-        reach = _TOUCH * max(patches[i].reach, patches[j].reach)
-        near = trees[large].query(patches[small].xyz, distance_upper_bound=reach)[0].min()
-        if near > reach or not _alike(patches[large], patches[small], noise):
+        near = touch(patches[small], patches[large], _TOUCH, trees[large])
+        if not near or not _alike(patches[large], patches[small], noise):
             continue
         pair = [patches[large], patches[small]]
         first = patches[large].surface.kind
@@ -176,6 +175,6 @@ def _explains(surface: Surface, patch: Patch, noise: float) -> bool:
 def joined(surface: Surface, patches: Sequence[Patch]) -> Patch:
     """Patches as one, on a surface."""
     xyz, normals = (np.concatenate([getattr(p, k) for p in patches]) for k in ("xyz", "normals"))
-    sigma = float(np.sqrt(np.mean(surface.signed_distance(xyz) ** 2)))
+    sigma = surface.rms(xyz)
     reach, primitive = max(p.reach for p in patches), min(p.primitive for p in patches)
     return Patch(surface, primitive, xyz, normals, reach, sigma, whole=any(p.whole for p in patches))

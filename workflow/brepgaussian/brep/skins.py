@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, touch
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def skins(patches: Sequence[Patch]) -> tuple[int, ...]:
     for i in sorted(range(len(patches)), key=lambda k: (len(patches[k].xyz), k)):
         skin = patches[i]
         larger = (j for j, p in enumerate(patches) if j not in found and j != i and len(p.xyz) >= len(skin.xyz))
-        walls = [patches[j] for j in larger if _touch(skin, patches[j], trees[j])]
+        walls = [patches[j] for j in larger if touch(skin, patches[j], _TOUCH, trees[j])]
         if _doubtful(skin, noise, total) and any(_hides(skin, *pair, noise) for pair in combinations(walls, 2)):
             found.append(i)
     return tuple(sorted(found))
@@ -47,11 +47,6 @@ def skins(patches: Sequence[Patch]) -> tuple[int, ...]:
 def _doubtful(patch: Patch, noise: float, total: int) -> bool:
     share = len(patch.xyz) / total
     return share < _SMALL or (share < _LARGEST and patch.sigma > _POOR * noise)
-
-
-def _touch(skin: Patch, wall: Patch, tree: cKDTree) -> bool:
-    limit = _TOUCH * max(skin.reach, wall.reach)
-    return bool(tree.query(skin.xyz, distance_upper_bound=limit)[0].min() <= limit)
 
 
 def _hides(skin: Patch, first: Patch, second: Patch, noise: float) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, touch
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def _joint(first: Patch, second: Patch, noise: float) -> Patch | None:
     if best is None:
         return None
     xyz, normals = np.concatenate([first.xyz, second.xyz]), np.concatenate([first.normals, second.normals])
-    sigma = float(np.sqrt(np.mean(best.surface.signed_distance(xyz) ** 2)))
+    sigma = best.surface.rms(xyz)
     primitive = min(first.primitive, second.primitive)
     reach = max(first.reach, second.reach)
     return replace(best, xyz=xyz, normals=normals, sigma=sigma, primitive=primitive, reach=reach)
@@ -69,9 +69,4 @@ def _joint(first: Patch, second: Patch, noise: float) -> Patch | None:
 
 def _touch(first: Patch, second: Patch) -> bool:
     """Whether two patches overlap or lie side by side; planes apart are two faces, however level."""
-    from scipy.spatial import cKDTree
-
-    if first.surface.kind != "plane":
-        return True
-    limit = 2 * max(first.reach, second.reach)
-    return bool(cKDTree(first.xyz).query(second.xyz, distance_upper_bound=limit)[0].min() <= limit)
+    return first.surface.kind != "plane" or touch(second, first, 2)

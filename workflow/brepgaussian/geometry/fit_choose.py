@@ -114,7 +114,7 @@ def choose(
     best = min(found, key=lambda k: (costs[k], PRICE[k]))
     _, surface, mask = found[best]
     near = mask if mask.any() else np.ones(len(points), bool)
-    rms = float(np.sqrt(np.mean(surface.signed_distance(points[near]) ** 2)))
+    rms = surface.rms(points[near])
     return Choice(surface, mask, rms, costs[best], costs)
 
 

@@ -49,6 +49,10 @@ class Surface:
         """(N,) distance of (N, 3) points, positive outside the material."""
         return self.sign * _natural(self, points)[0]
 
+    def rms(self, points: Array) -> float:
+        """Root mean square distance of (N, 3) points."""
+        return float(np.sqrt(np.mean(self.signed_distance(points) ** 2)))
+
     def normals(self, points: Array) -> Array:
         """(N, 3) outward unit normals: the gradient of `signed_distance` at (N, 3) points."""
         return self.sign * _natural(self, points)[1]

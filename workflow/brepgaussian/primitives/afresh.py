@@ -113,7 +113,7 @@ def _noise(patches: Sequence[Patch], distance: float, settings: PrimitivesSettin
 
 
 def _primitive(patch: Patch, cloud: Cloud) -> Primitive:
-    rms = float(np.sqrt(np.mean(patch.surface.signed_distance(cloud.xyz[patch.members]) ** 2)))
+    rms = patch.surface.rms(cloud.xyz[patch.members])
     return Primitive(patch.surface, patch.labels[0], patch.members, rms)
 
 

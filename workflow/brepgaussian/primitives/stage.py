@@ -94,7 +94,7 @@ def _finished(
         if not len(indices):
             indices = patch.members
         surface = abreast(patch.surface, cloud.xyz[indices])
-        rms = float(np.sqrt(np.mean(surface.signed_distance(cloud.xyz[indices]) ** 2)))
+        rms = surface.rms(cloud.xyz[indices])
         items.append(Primitive(surface, patch.labels[0], indices, rms))
         log.info(
             "%d: %s, labels %s, %d points, rms %.4f, radius %.4f",

@@ -89,10 +89,10 @@ def carve(
     Raises:
         StageError: no voxel lies inside every silhouette.
     """
-    images = np.empty(views.alpha.shape, np.int16)
+    silhouettes = np.empty(views.alpha.shape, np.int16)
     for view, alpha in enumerate(views.alpha):
-        images[view] = np.clip(silhouette_distance(alpha) * _UNITS, -32000, 32000).astype(np.int16)
-    field, origin, spacing = hull_field(images, views.cameras, resolution, threads)
+        silhouettes[view] = np.clip(silhouette_distance(alpha) * _UNITS, -32000, 32000).astype(np.int16)
+    field, origin, spacing = hull_field(silhouettes, views.cameras, resolution, threads)
     if field.max() <= 0:
         raise StageError(
             "the silhouettes have no common inside",
@@ -104,21 +104,20 @@ def carve(
 
     faces: list[Face] = []
     prisms: list[Prism] = []
-    if patches is not None:
+    if patches is not None or concavities:
+        from brepgaussian.splatting.concave import Images, open_channels, open_concavities
         from brepgaussian.splatting.faces import flatten_faces
 
-        field, faces = flatten_faces(views, patches, field, origin, spacing, mesher, _sample, noise)
-    if concavities:
-        from brepgaussian.splatting.concave import open_channels
-
-        field, prisms = open_channels(views, field, origin, spacing, mesher, noise)
-    if patches is not None:
-        field, faces = flatten_faces(views, patches, field, origin, spacing, mesher, _sample, noise, faces)
-    if concavities:
-        from brepgaussian.splatting.concave import open_concavities
-
-        field, more = open_concavities(views, field, origin, spacing, mesher, noise)
-        prisms += more
+        images = Images.of(views, noise)
+        if patches is not None:
+            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample, noise)
+        if concavities:
+            field, prisms = open_channels(images, field, origin, spacing, mesher)
+        if patches is not None:
+            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample, noise, faces)
+        if concavities:
+            field, more = open_concavities(images, field, origin, spacing, mesher)
+            prisms += more
     vertices, triangles = mesher(field)
     return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing, tuple(prisms)), faces
 

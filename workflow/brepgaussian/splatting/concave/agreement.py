@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.radiance import differences
 from brepgaussian.splatting.concave.scene import Scene
 
@@ -16,21 +16,18 @@ _CAP = 3.0  # tolerances; greater differences (another surface is in the way) co
 _NORMAL_BINS = 2.0  # faces that meet at an edge are different places
 
 
-def disagreements(
-    views: Views, luminance: NDArray[np.float32], before: Scene, after: Scene, reach: float, tolerance: float
-) -> tuple[float, float, int]:
+def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> tuple[float, float, int]:
     """How much views differ on two surfaces, where these differ.
 
     Args:
-        views: images and cameras.
-        luminance: (V, H, W) their grey levels.
+        images: of all views.
         before, after: the surfaces; the second lies inside of the first.
         reach: rays on which they differ by less than this are left out.
-        tolerance: grey levels that one place may differ by.
 
     Returns:
         Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays.
     """
+    views = images.views
     origins, directions, greys = [], [], []
     for view, alpha in enumerate(views.alpha):
         rows, columns = np.nonzero(alpha[::_STRIDE_PX, ::_STRIDE_PX] > _OPAQUE)
@@ -38,7 +35,7 @@ def disagreements(
         center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
         origins.append(np.broadcast_to(center, ray.shape))
         directions.append(ray)
-        greys.append(luminance[view, rows, columns])
+        greys.append(images.luminance[view, rows, columns])
     origin, direction, grey = np.concatenate(origins), np.concatenate(directions), np.concatenate(greys)
     (first, normal), (second, inner) = before.hits(origin, direction), after.hits(origin, direction)
     met = np.isfinite(first)
@@ -50,7 +47,7 @@ def disagreements(
     costs = []
     for distance, facing in ((first, normal), (second, inner)):
         points = origin[told] + distance[told, None] * direction[told]
-        costs.append(_differences(points, facing[told], grey[told].astype(float), side, tolerance))
+        costs.append(_differences(points, facing[told], grey[told].astype(float), side, images.tolerance))
     lost = missing.sum() / max(changed.sum(), 1)
     return costs[0], (1 - lost) * costs[1] + lost * _CAP, int(changed.sum())
 

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.find import find_curved, find_prisms, grey_tolerance
+from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
@@ -21,53 +20,50 @@ Mesher = Callable[[NDArray[np.float32]], tuple[NDArray[np.float64], NDArray[np.i
 
 
 def open_channels(
-    views: Views,
+    images: Images,
     field: NDArray[np.float32],
     origin: NDArray[np.float64],
     spacing: float,
     mesher: Mesher,
-    noise: float = 0.0,
 ) -> tuple[NDArray[np.float32], list[Prism]]:
     """Cut a hull at its outer planes, and carry on all along what it leaves empty at one end or at one angle.
 
     Arguments and results are those of `open_concavities`.
     """
-    luminance, tolerance = views.luminance, grey_tolerance(noise)
-    field, _ = flatten(views, field, origin, spacing, mesher)
-    field, channels = straighten(views, luminance, field, origin, spacing, mesher, tolerance)
-    return turn(views, luminance, field, origin, spacing, mesher, tolerance), channels
+    field, _ = flatten(images.views, field, origin, spacing, mesher)
+    field, channels = straighten(images, field, origin, spacing, mesher)
+    return turn(images, field, origin, spacing, mesher), channels
 
 
 def open_concavities(
-    views: Views,
+    images: Images,
     field: NDArray[np.float32],
     origin: NDArray[np.float64],
     spacing: float,
     mesher: Mesher,
-    noise: float = 0.0,
 ) -> tuple[NDArray[np.float32], list[Prism]]:
     """Carve pockets and holes that views show to be open although every silhouette is blind to them.
 
     Args:
-        views: images and cameras.
+        images: of all views.
         field: (n, n, n) signed distance to the hull, inside positive.
         origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
         mesher: turns a field into vertices (K, 3) and triangles (T, 3), counter-clockwise from outside.
-        noise: standard deviation of the images' noise, grey levels.
 
     Returns:
         The opened field and the concavities.
     """
-    images = Images(views, views.luminance, grey_tolerance(noise))
     known: list[Prism] = []
+    scene = Scene(*mesher(field))
     for _ in range(_LEVELS):
-        found = find_prisms(images, Scene(*mesher(field)), spacing, known)
+        found = find_prisms(images, scene, spacing, known)
         if not found:
             break
         for prism in found:
             field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known += found
-    for prism in find_curved(images, Scene(*mesher(field)), spacing, known):
+        scene = Scene(*mesher(field))
+    for prism in find_curved(images, scene, spacing, known):
         field = subtract(field, origin, spacing, prism, _MARGIN_CELLS * spacing)
         known.append(prism)
     return field, known

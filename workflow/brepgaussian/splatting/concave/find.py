@@ -15,8 +15,6 @@ from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
-_NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
-_SIGMAS = 3.0
 _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
 _PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
@@ -88,11 +86,6 @@ def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, p
     if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in known):
         return True
     return bool((np.abs(scene.signed_distance(places)) < 2 * pitch).mean() < _LID_SHARE)
-
-
-def grey_tolerance(noise: float) -> float:
-    """Grey levels that views of one place may differ by, from the images' noise."""
-    return max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise)
 
 
 def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = False) -> list[Prism]:

@@ -13,6 +13,8 @@ from brepgaussian.splatting.concave.scene import Scene
 Array = NDArray[np.float64]
 
 LID, WALL, BACKGROUND, UNSEEN = 0, 1, 2, 3  # what a view shows at a cell of the lattice
+_NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
+_SIGMAS = 3.0
 _LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
 _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
@@ -34,6 +36,11 @@ class Images:
     views: Views
     luminance: NDArray[np.float32]
     tolerance: float
+
+    @staticmethod
+    def of(views: Views, noise: float = 0.0) -> "Images":
+        """Of views whose noise has a standard deviation of `noise` grey levels."""
+        return Images(views, views.luminance, max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise))
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
@@ -50,28 +50,24 @@ class _Cut:
 
 
 def straighten(
-    views: Views,
-    luminance: NDArray[np.float32],
+    images: Images,
     field: Field,
     origin: Array,
     spacing: float,
     mesher: Mesher,
-    tolerance: float,
 ) -> tuple[Field, list[Prism]]:
     """Empty the columns that are empty at their ends.
 
     Args:
-        views: images and cameras.
-        luminance: (V, H, W) their grey levels.
+        images: of all views.
         field: (n, n, n) signed distance to the hull, inside positive.
         origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
         mesher: turns a field into vertices (K, 3) and triangles (T, 3).
-        tolerance: grey levels that one place may differ by.
 
     Returns:
         The field and what was cut.
     """
-    rays = contour_rays(views)
+    rays = contour_rays(images.views)
     done: list[Prism] = []
     for _ in range(_MOST_CUTS):
         mesh = mesher(field)
@@ -85,7 +81,7 @@ def straighten(
             if lost_share(chords, cut.prism.signed_distance(samples, 0.0) < 0) > _MOST_LOST:
                 continue
             opened = subtract(field, origin, spacing, cut.prism, 0.0)
-            old, new, count = disagreements(views, luminance, scene, Scene(*mesher(opened)), 2 * spacing, tolerance)
+            old, new, count = disagreements(images, scene, Scene(*mesher(opened)), 2 * spacing)
             good = count >= _LEAST_RAYS and new <= _GAIN * old
             logger.info(
                 "channel along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import planar_regions
 from brepgaussian.splatting.concave.prism import plane_axes
 from brepgaussian.splatting.concave.scene import Scene
@@ -61,30 +61,26 @@ class Axis:
 
 
 def turn(
-    views: Views,
-    luminance: NDArray[np.float32],
+    images: Images,
     field: Field,
     origin: Array,
     spacing: float,
     mesher: Mesher,
-    tolerance: float,
 ) -> Field:
     """Empty the rings that are empty at some angle.
 
     Args:
-        views: images and cameras.
-        luminance: (V, H, W) their grey levels.
+        images: of all views.
         field: (n, n, n) signed distance to the hull, inside positive.
         origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
         mesher: turns a field into vertices (K, 3) and triangles (T, 3).
-        tolerance: grey levels that one place may differ by.
     """
     mesh = mesher(field)
     axis = axis_of_rotation(*mesh, _NEAR_VOXELS * spacing)
     if axis is None:
         return field
     scene = Scene(*mesh)
-    chords = chords_in(scene, *contour_rays(views))
+    chords = chords_in(scene, *contour_rays(images.views))
     points = chords.samples()
     for share in _EMPTIEST:
         section = _Section(field, origin, spacing, axis, share)
@@ -93,7 +89,7 @@ def turn(
                 continue
             opened = section.emptied(ring, field, origin)
             after = Scene(*mesher(opened))
-            old, new, count = disagreements(views, luminance, scene, after, _REACH_VOXELS * spacing, tolerance)
+            old, new, count = disagreements(images, scene, after, _REACH_VOXELS * spacing)
             good = count >= _LEAST_RAYS and new <= _GAIN * old
             logger.info(
                 "ring about %s, %d cells: views disagree by %.2f for %.2f of the hull, %d rays%s",

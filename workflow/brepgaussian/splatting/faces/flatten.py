@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sweep import subtract
@@ -32,7 +33,7 @@ logger = get_logger("stage1")
 
 
 def flatten_faces(
-    views: Views,
+    images: Images,
     patches: NDArray[np.integer],
     field: Field,
     origin: Array,
@@ -47,7 +48,7 @@ def flatten_faces(
     A silhouette is blind to what lies above a plane that no camera grazes, and in inner corners; regions are not.
 
     Args:
-        views: images and cameras.
+        images: of all views.
         patches: (V, H, W) region ids of the masks, 0 = none.
         field: (n, n, n) signed distance to the hull, inside positive.
         origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
@@ -60,12 +61,11 @@ def flatten_faces(
     Returns:
         The carved field and the faces, those that were found last first, best confirmed first among them.
     """
-    luminance = views.luminance
     faces = found = list(known or [])
     for _ in range(1 if known is None else _ROUNDS):
         if known is not None and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
             break
-        field, found = _flatten(views, luminance, patches, field, origin, spacing, mesher, sampler, noise, faces)
+        field, found = _flatten(images, patches, field, origin, spacing, mesher, sampler, noise, faces)
         for face in found:
             logger.info(
                 "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
@@ -76,8 +76,7 @@ def flatten_faces(
 
 
 def _flatten(
-    views: Views,
-    luminance: NDArray[np.float32],
+    images: Images,
     patches: NDArray[np.integer],
     field: Field,
     origin: Array,
@@ -88,18 +87,17 @@ def _flatten(
     known: list[Face],
 ) -> tuple[Field, list[Face]]:
     """The planar faces that a hull shows, beyond those that are known, and the hull cut down to them."""
+    views = images.views
     mesh = mesher(field)
     scene = Scene(*mesh)
     faces: list[Face] = []
     for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
         stack = Stack(views.cameras, patches, candidate)
         aligned = align(stack, candidate, scene)
+        if aligned is None:
+            continue
         # what a cut has left of a rounded inner edge may be flat: only the hull as it was is worth a doubt
-        face = (
-            None
-            if aligned is None
-            else confirm(views, luminance, stack, candidate, aligned, scene, noise, strict=bool(known))
-        )
+        face = confirm(views, images.luminance, stack, candidate, aligned, scene, noise, strict=bool(known))
         if face is None or any(_same(face, other, spacing) for other in faces):
             continue
         if not any(_same(face, other, spacing) and face.area < _LARGER * other.area for other in known):
