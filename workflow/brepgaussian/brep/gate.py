@@ -27,6 +27,7 @@ _PROBES = 30
 _SHORT_EDGE = 1e-5  # unit frame; shorter edges are debris
 _LEAST_VOLUME = 1e-6
 _MOST_NEAR = 10_000  # points that tell how much of a cloud lies on a solid
+_BEYOND = 1.01  # of a limit at which a search for neighbours ends: the end itself is not found
 _BESIDE = 4  # samples of the solid beside a point: at an edge they lie on two faces
 
 
@@ -153,6 +154,12 @@ def identical(patches: Sequence[Patch]) -> list[int]:
     return result
 
 
+def _within(points: Array, others: Array, limit: float) -> NDArray[np.bool_]:
+    """(N,) whether one of the others lies within `limit` of each point; no search goes farther than that."""
+    distance = cKDTree(others).query(points, distance_upper_bound=_BEYOND * limit)[0]
+    return np.asarray(distance <= limit)
+
+
 def _explain(
     patches: Sequence[Patch], same: list[int], samples: Array, weight: Array, on: NDArray[np.int64]
 ) -> tuple[Array, float]:
@@ -163,8 +170,6 @@ def _explain(
         if not len(own) or patch.cap:
             continue
         limit = _SPACINGS * SAMPLE_SPACING + _SIGMAS * patch.sigma
-        distance, _ = cKDTree(samples[own]).query(patch.xyz)
-        explained[index] = np.mean(distance <= limit)
-        near, _ = cKDTree(patch.xyz).query(samples[own])
-        seen[own[near <= patch.reach + patch.sigma]] = True
+        explained[index] = np.mean(_within(patch.xyz, samples[own], limit))
+        seen[own[_within(samples[own], patch.xyz, patch.reach + patch.sigma)]] = True
     return explained, float(1 - weight[seen].sum() / max(weight.sum(), 1e-300))

@@ -199,9 +199,11 @@ def triangles(face: TopoDS_Face) -> tuple[Array, Indices]:
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     transform = location.Transformation()
-    nodes = np.array([xyz(mesh.Node(i).Transformed(transform)) for i in range(1, mesh.NbNodes() + 1)])
-    found = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], np.int64) - 1
-    return nodes, found[:, ::-1] if is_reversed(face) else found
+    found = (mesh.Node(i) for i in range(1, mesh.NbNodes() + 1))
+    placed = found if location.IsIdentity() else (node.Transformed(transform) for node in found)
+    nodes = np.array([(node.X(), node.Y(), node.Z()) for node in placed])
+    corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], np.int64) - 1
+    return nodes, corners[:, ::-1] if is_reversed(face) else corners
 
 
 def mesh_of(shape: TopoDS_Shape) -> tuple[Array, Indices, Indices]:

@@ -57,6 +57,11 @@ class Surface:
         """(N, 3) outward unit normals: the gradient of `signed_distance` at (N, 3) points."""
         return self.sign * _natural(self, points)[1]
 
+    def field(self, points: Array) -> tuple[Array, Array]:
+        """`signed_distance` and `normals` of (N, 3) points at once."""
+        distance, gradient = _natural(self, points)
+        return self.sign * distance, self.sign * gradient
+
     def project(self, points: Array) -> Array:
         """(N, 3) nearest points on the surface."""
         distance, gradient = _natural(self, points)

@@ -79,11 +79,12 @@ def slave(points: Array, table: Indices, surfaces: Sequence[Surface]) -> Array:
 
     X <- X - N^T (N N^T + damping)^-1 f, the nearest point that satisfies all of them.
     """
-    points = points.copy()
+    points, places = points.copy(), _places(table)
+    damping = np.where(table < 0, 1.0, _DAMPING)
     for _ in range(_STEPS):
-        values, normals = evaluate(points, table, surfaces)
+        values, normals = _evaluate(points, table.shape, places, surfaces)
         gram = np.einsum("nki,nli->nkl", normals, normals)
-        gram[:, *np.diag_indices(table.shape[1])] += np.where(table < 0, 1.0, _DAMPING)
+        gram[:, *np.diag_indices(table.shape[1])] += damping
         step = np.linalg.solve(gram, values[:, :, None])[:, :, 0]
         move = np.einsum("nki,nk->ni", normals, step)
         length = np.linalg.norm(move, axis=1, keepdims=True)
@@ -93,9 +94,22 @@ def slave(points: Array, table: Indices, surfaces: Sequence[Surface]) -> Array:
 
 def evaluate(points: Array, table: Indices, surfaces: Sequence[Surface]) -> tuple[Array, Array]:
     """(N, K) signed distances and (N, K, 3) normals of the surfaces in `table`; zero where it is -1."""
-    values, normals = np.zeros(table.shape), np.zeros((*table.shape, 3))
-    for index in np.unique(table[table >= 0]):
+    return _evaluate(points, table.shape, _places(table), surfaces)
+
+
+def _places(table: Indices) -> list[tuple[int, Indices, Indices]]:
+    """Every surface in a table with the rows and the columns where it stands."""
+    result = []
+    for index in np.unique(table[table >= 0]).tolist():
         rows, columns = np.nonzero(table == index)
-        values[rows, columns] = surfaces[index].signed_distance(points[rows])
-        normals[rows, columns] = surfaces[index].normals(points[rows])
+        result.append((index, rows, columns))
+    return result
+
+
+def _evaluate(
+    points: Array, shape: tuple[int, ...], places: list[tuple[int, Indices, Indices]], surfaces: Sequence[Surface]
+) -> tuple[Array, Array]:
+    values, normals = np.zeros(shape), np.zeros((*shape, 3))
+    for index, rows, columns in places:
+        values[rows, columns], normals[rows, columns] = surfaces[index].field(points[rows])
     return values, normals

@@ -1,6 +1,7 @@
 """Sub-pixel positions of edges in the images, along profiles across their predicted place."""
 
 from dataclasses import dataclass, replace
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +64,17 @@ class Found:
     step: Array
 
 
+_LAST: list[tuple["ref[Views]", Images]] = []  # what `prepare` gave last: one object's images are asked for often
+
+
 def prepare(views: Views) -> Images:
     """Convert the images once, and estimate their noise and how soft their silhouettes are."""
+    if not _LAST or _LAST[0][0]() is not views:
+        _LAST[:] = [(ref(views), _converted(views))]
+    return _LAST[0][1]
+
+
+def _converted(views: Views) -> Images:
     rows, columns = _extent(views.alpha.max(axis=(0, 2))), _extent(views.alpha.max(axis=(0, 1)))
     alpha = views.alpha[:, rows, columns]
     luminance = replace(views, rgb=views.rgb[:, rows, columns]).luminance.astype(np.float32)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,12 @@ class _Run:
     views: Views
     images: Images
     limit: int
+    _watched: dict[int, Seen] = field(default_factory=dict, init=False)  # by the limit; another run has its own
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The present triangulation for ray casting."""
+        return Scene(self.mesh)
 
     def moved(self, state: State) -> "_Run":
         """With surfaces moved, and mesh and structure behind them."""
@@ -89,13 +96,15 @@ class _Run:
     def observe(self, window: float, interior: float) -> tuple[Seen, Found]:
         """Measure all edges; a wide search needs fewer samples."""
         limit = self.limit if window <= _WINDOWS[-1][0] else self.limit // _WIDE_SHARE
-        seen = watch(self.mesh, Scene(self.mesh), self.structure, self.state, self.views, limit)
+        if limit not in self._watched:
+            self._watched[limit] = watch(self.mesh, self.scene, self.structure, self.state, self.views, limit)
+        seen = self._watched[limit]
         return seen, measure(self.images, seen, window, interior)
 
     def test(self, settings: BrepSettings) -> Acceptance:
         """The acceptance test."""
         seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
-        masks = compare_masks(Scene(self.mesh), self.views.cameras, self.views.alpha, self.state.poses)
+        masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
         return judge(seen, found, self.structure, self.state.tone, masks, settings)
 
 
@@ -219,17 +228,26 @@ def _typical(run: _Run) -> float:
 
 def move_structure(structure: Structure, surfaces: Sequence[Surface]) -> Structure:
     """Edges' polylines and vertices onto moved surfaces."""
-    edges = []
-    for edge in structure.edges:
-        known = sorted({s for s in edge.surfaces if s >= 0})
-        table = np.tile(np.array([known], np.int64).reshape(1, -1), (len(edge.polyline), 1))
-        edges.append(replace(edge, polyline=slave(edge.polyline, table, surfaces)) if known else edge)
-    vertices = []
-    for vertex in structure.vertices:
-        known = [s for s in vertex.surfaces if s >= 0]
-        point = slave(vertex.point[None], np.array([known], np.int64), surfaces)[0] if known else vertex.point
-        vertices.append(replace(vertex, point=point))
-    return replace(structure, edges=tuple(edges), vertices=tuple(vertices))
+    lines = [(e.polyline, sorted({s for s in e.surfaces if s >= 0})) for e in structure.edges]
+    corners = [(v.point[None], [s for s in v.surfaces if s >= 0]) for v in structure.vertices]
+    moved = _slaved([*lines, *corners], surfaces)
+    edges = tuple(replace(e, polyline=p) for e, p in zip(structure.edges, moved, strict=False))
+    points = moved[len(edges) :]
+    vertices = tuple(replace(v, point=p[0]) for v, p in zip(structure.vertices, points, strict=True))
+    return replace(structure, edges=edges, vertices=vertices)
+
+
+def _slaved(parts: Sequence[tuple[Array, list[int]]], surfaces: Sequence[Surface]) -> list[Array]:
+    """Each (N, 3) array of points onto the surfaces named with it; those with as many surfaces in one go."""
+    result = [points for points, _ in parts]
+    for width in {len(known) for _, known in parts} - {0}:
+        chosen = [i for i, (_, known) in enumerate(parts) if len(known) == width]
+        counts = [len(parts[i][0]) for i in chosen]
+        table = np.repeat(np.array([parts[i][1] for i in chosen], np.int64), counts, axis=0)
+        moved = slave(np.concatenate([parts[i][0] for i in chosen]), table, surfaces)
+        for i, points in zip(chosen, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
+            result[i] = points
+    return result
 
 
 def _anchored(structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface]) -> list[Surface]:

@@ -102,18 +102,21 @@ def see_edges(samples: EdgeSamples, surfaces: Sequence[Surface], cameras: Camera
     sine = np.linalg.norm(tangent, axis=1)
     tangent /= np.maximum(sine, 1e-12)[:, None]
     view, sample = np.repeat(np.arange(views), count), np.tile(np.arange(count), views)
+    some = (sine > _TANGENT)[sample]
+    view, sample = view[some], sample[some]
     pixel, jacobian = project(cameras, view, samples.points[sample])
     flow = np.einsum("rij,rj->ri", jacobian, tangent[sample])
     speed = np.linalg.norm(flow, axis=1)
     reach = np.linalg.norm(jacobian[:, 0], axis=1)
-    keep = (speed > _END_ON * reach) & (sine[sample] > _TANGENT)
+    keep = np.flatnonzero(speed > _END_ON * reach)
+    view, sample, pixel, jacobian = view[keep], sample[keep], pixel[keep], jacobian[keep]
+    flow, speed = flow[keep], speed[keep]
     normal = np.column_stack([flow[:, 1], -flow[:, 0]]) / np.maximum(speed, 1e-12)[:, None]
     pull = np.einsum("rij,ri->rj", jacobian, normal)  # g = J^T n2
-    pair = normals[sample]
-    gram = np.einsum("rki,rli->rkl", pair, pair) + _DAMPING * np.eye(2)
-    lever = np.linalg.solve(gram, np.einsum("rki,ri->rk", pair, pull)[:, :, None])[:, :, 0]
+    gram = np.einsum("rki,rli->rkl", normals, normals) + _DAMPING * np.eye(2)
+    lever = np.linalg.solve(gram[sample], np.einsum("rki,ri->rk", normals[sample], pull)[:, :, None])[:, :, 0]
     rays = Rays(view, samples.edge[sample], sample, samples.points[sample], samples.table[sample], pixel, normal, lever)
-    return _posed(rays.take(keep), cameras, poses)
+    return _posed(rays, cameras, poses)
 
 
 def see_contours(

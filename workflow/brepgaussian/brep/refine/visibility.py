@@ -21,6 +21,8 @@ SLIVER_PX = (0.3, 0.8)  # and these tell whether it reaches up to the edge; the 
 _DEPTH_PX = 12.0  # a hit this much nearer or farther than the sample, in pixel footprints, is another place
 ASTRAY_PX = 2  # wrong pixels this far from a silhouette's border are no matter of precision
 _NOTHING = -1
+_SIDES = (-1.0, 1.0)  # of an edge, along its image normal
+_NONE, _FIRST, _SECOND, _BEHIND, _OTHER = range(5)  # what lies on a side
 
 
 class Scene:
@@ -47,12 +49,12 @@ class Scene:
 
 def look(cameras: Cameras, view: Indices, pixels: Array, poses: Array) -> tuple[Array, Array]:
     """(R, 3) camera centres and (R, 3) unit directions through pixels, each row in its own view."""
-    center = cameras.intrinsics[view, 2:]
+    intrinsics, rotation = cameras.intrinsics[view], np.ascontiguousarray(cameras.cam_from_unit[:, :3, :3])[view]
     shift = poses[view]
-    arm = pixels - shift[:, :2] - center
+    arm = pixels - shift[:, :2] - intrinsics[:, 2:]
     arm = arm - shift[:, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
-    local = np.column_stack([arm / cameras.intrinsics[view, :2], np.ones(len(view))])
-    directions = np.einsum("rji,rj->ri", cameras.cam_from_unit[view][:, :3, :3], local)
+    u, v = (arm / intrinsics[:, :2]).T
+    directions = u[:, None] * rotation[:, 0] + v[:, None] * rotation[:, 1] + rotation[:, 2]
     return cameras.centers[view], directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
@@ -71,55 +73,59 @@ class Seen:
 def classify(rays: Rays, scene: Scene, structure: Structure, cameras: Cameras, poses: Array) -> Seen:
     """Keep visible samples with nothing else within 4.5 px across the edge, and turn their normals."""
     surface_of = np.array([f.surface for f in structure.faces] + [_NOTHING - 1], np.int64)
-    centers = cameras.centers[rays.view]
-    depth = np.linalg.norm(rays.points - centers, axis=1)
-    tolerance = _DEPTH_PX * depth / cameras.intrinsics[rays.view, :2].mean(axis=1)
-    inside = _inside(rays, cameras)
-    status, faces = [], []
-    for side in (-1.0, 1.0):
-        hits = []
-        for reach in (NEAR_PX, FAR_PX):
-            pixels = rays.pixel + side * reach * rays.normal
-            face, distance = scene.cast(*look(cameras, rays.view, pixels, poses))
-            hits.append((face, distance))
-        (near, distance), (far, _) = hits
-        owner = surface_of[near]
-        contour = rays.sample < 0
-        close = (np.abs(distance - depth) < tolerance) | contour
-        own_first = (owner == rays.table[:, 0]) & close & (near >= 0)
-        own_second = (owner == rays.table[:, 1]) & close & (near >= 0)
-        behind = (near >= 0) & (distance > depth + tolerance)
-        state = np.select([near < 0, own_first, own_second, behind], ["none", "first", "second", "behind"], "other")
-        status.append(np.where(surface_of[far] == owner, state, "other"))
-        faces.append(near)
-    minus, plus = status
-    owned = [np.isin(s, ("first", "second")) for s in status]
-    crease = owned[0] & owned[1] & (minus != plus)
-    kind = np.full(len(depth), -1)
-    kind[crease] = CREASE
+    left = np.flatnonzero(_inside(rays, cameras))  # rays are cast only for what is still in question
+    states, owners = np.full((2, len(left)), _OTHER), np.zeros((2, len(left)), np.int64)
+    for row, side in enumerate(_SIDES):
+        face, distance = _beside(rays, left, side * NEAR_PX, scene, cameras, poses)
+        owners[row] = surface_of[face]
+        states[row] = _state(rays, left, face, distance, owners[row], cameras)
+        some = states[row] != _OTHER
+        left, states, owners = left[some], states[:, some], owners[:, some]
+    kind = _kind(states)
+    some = kind >= 0
+    left, kind, states, owners = left[some], kind[some], states[:, some], owners[:, some]
+    for reach in (FAR_PX, *SLIVER_PX):  # up to the edge and clear of it the same surface: no sliver of a third face
+        for row, side in enumerate(_SIDES):
+            face, _ = _beside(rays, left, side * reach, scene, cameras, poses)
+            same = surface_of[face] == owners[row]
+            left, kind, states, owners = left[same], kind[same], states[:, same], owners[:, same]
+    turn = np.where(kind == CREASE, states[0] == _SECOND, _owned(states[1]))
+    return Seen(rays.take(left).turned(turn), kind)
+
+
+def _beside(
+    rays: Rays, rows: Indices, distance: float, scene: Scene, cameras: Cameras, poses: Array
+) -> tuple[Indices, Array]:
+    """Face (-1: none) that some rows' views show `distance` px beside the edge, and how far from the camera."""
+    pixels = rays.pixel[rows] + distance * rays.normal[rows]
+    return scene.cast(*look(cameras, rays.view[rows], pixels, poses))
+
+
+def _state(rays: Rays, rows: Indices, face: Indices, distance: Array, owner: Indices, cameras: Cameras) -> Indices:
+    """What lies on one side of an edge: nothing, one of its surfaces, something behind it, or something else."""
+    view, table = rays.view[rows], rays.table[rows]
+    depth = np.linalg.norm(rays.points[rows] - cameras.centers[view], axis=1)
+    tolerance = _DEPTH_PX * depth / cameras.intrinsics[view, :2].mean(axis=1)
+    hit = face >= 0
+    close = hit & ((np.abs(distance - depth) < tolerance) | (rays.sample[rows] < 0))
+    behind = hit & (distance > depth + tolerance)
+    tests = [~hit, close & (owner == table[:, 0]), close & (owner == table[:, 1]), behind]
+    return np.select(tests, [_NONE, _FIRST, _SECOND, _BEHIND], _OTHER)
+
+
+def _owned(state: Indices) -> NDArray[np.bool_]:
+    return (state == _FIRST) | (state == _SECOND)
+
+
+def _kind(states: Indices) -> Indices:
+    """(R,) kind of edge by the (2, R) states of its sides, -1 where it is not usable."""
+    owned = [_owned(s) for s in states]
+    kind = np.full(states.shape[1], -1)
+    kind[owned[0] & owned[1] & (states[0] != states[1])] = CREASE
     for here, there in ((0, 1), (1, 0)):
-        kind[owned[here] & (status[there] == "none")] = SILHOUETTE
-        kind[owned[here] & (status[there] == "behind")] = OCCLUDING
-    keep = (kind >= 0) & inside
-    turn = np.where(crease, minus == "second", owned[1])
-    owners = np.stack([surface_of[f] for f in faces])[:, keep]
-    keep[keep] = _nothing_between(rays.take(keep), owners, scene, surface_of, cameras, poses)
-    return Seen(rays.turned(turn).take(keep), kind[keep])
-
-
-def _nothing_between(
-    rays: Rays, owners: Indices, scene: Scene, surface_of: Indices, cameras: Cameras, poses: Array
-) -> NDArray[np.bool_]:
-    """Whether what lies at 1.5 px (2, R) on either side reaches up to the edge: no sliver of a third face."""
-    clear = np.ones(len(rays.view), bool)
-    for row, side in enumerate((-1.0, 1.0)):
-        for reach in SLIVER_PX:
-            left = np.flatnonzero(clear)
-            part = rays.take(left)
-            pixels = part.pixel + side * reach * part.normal
-            face, _ = scene.cast(*look(cameras, part.view, pixels, poses))
-            clear[left] = surface_of[face] == owners[row, left]
-    return clear
+        kind[owned[here] & (states[there] == _NONE)] = SILHOUETTE
+        kind[owned[here] & (states[there] == _BEHIND)] = OCCLUDING
+    return kind
 
 
 def _inside(rays: Rays, cameras: Cameras) -> NDArray[np.bool_]:
