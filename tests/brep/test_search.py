@@ -1,10 +1,14 @@
 """The search among attempts: those of other explanations are reported, not chosen from."""
 
+from types import SimpleNamespace
+
 import numpy as np
+from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.polish import _left_out
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.verdict import Verdict
+from brepgaussian.brep.worker import WorkerError, WorkerTimeout
 from brepgaussian.settings.brep import BrepSettings
 
 
@@ -15,7 +19,9 @@ def attempt(rung, explained=(1.0, 1.0), shape=b"solid", faces=6):
 
 def search(*tried, beside=()):
     job = Job((), (), np.zeros((0, 3)), (), None, BrepSettings())
-    return Search(worker=None, job=job, start=0.0, views=None, tried=list(tried), beside=list(beside))
+    return Search(
+        worker=None, job=job, budget=budget_of(job.settings), views=None, tried=list(tried), beside=list(beside)
+    )
 
 
 def test_attempts_of_other_explanations_are_not_chosen_from():
@@ -23,6 +29,37 @@ def test_attempts_of_other_explanations_are_not_chosen_from():
     assert search(own, beside=[other]).choose() is own
     assert search(beside=[other]).choose() is None
     assert search(own, beside=[other])._rivals(own) == []
+
+
+class Kernel:
+    """Answers every call with the same solid, or fails; counts the calls."""
+
+    def __init__(self, error=None):
+        self.calls, self.error = 0, error
+
+    def call(self, function, arguments, limit_s):
+        self.calls += 1
+        if self.error is not None:
+            raise self.error
+        return attempt(arguments[1].name, (0.95, 0.2), faces=self.calls)
+
+
+def climbed(kernel, solids):
+    job = Job((SimpleNamespace(xyz=np.zeros((5, 3))),) * 2, (), np.zeros((0, 3)), (), None, BrepSettings())
+    result = Search(kernel, job, Budget(solids, 5), None)
+    result._first()
+    return result
+
+
+def test_the_search_ends_when_its_solids_are_counted_up():
+    ladder = climbed(Kernel(WorkerError("fails")), 100)
+    assert ladder.worker.calls == len(ladder.tried) > 3
+    assert climbed(Kernel(WorkerError("fails")), 2).worker.calls == 2
+    assert climbed(Kernel(WorkerError("fails")), 0).tried == []
+
+
+def test_a_hanging_kernel_ends_the_search_sooner():
+    assert climbed(Kernel(WorkerTimeout("hangs")), 20).worker.calls == 2
 
 
 def test_a_rebuilt_solid_leaves_out_a_patch_that_had_a_face():

@@ -24,6 +24,11 @@ def test_normals_are_the_gradient_of_the_distance(kind, seed):
         ]
     )
     np.testing.assert_allclose(surface.normals(points), numeric, atol=1e-5)
+    flipped = surface.flip()
+    for one in (surface, flipped):
+        distance, normals = one.field(points)
+        np.testing.assert_array_equal(distance, one.signed_distance(points))
+        np.testing.assert_array_equal(normals, one.normals(points))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -93,7 +93,7 @@ def run_case(
         row["primitives"] = len(primitives.items)
         start = time.monotonic()
         job = make_job(views, points, primitives, settings)
-        outcome = climb(worker, job, points, start, others=other_jobs(points, primitives, job))
+        outcome = climb(worker, job, points, others=other_jobs(points, primitives, job))
         row["seconds"] = round(time.monotonic() - start, 2)
         row |= score(outcome.shape, truth)
         row |= {"fallback": outcome.report["fallback"], "rung": outcome.report["rung"]}

@@ -10,6 +10,7 @@ from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitives
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.borders import open_points
+from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.job import Attempt, Job
@@ -91,7 +92,6 @@ def climb(
     worker: Worker,
     job: Job,
     points: Points,
-    start: float,
     views: Views | None = None,
     others: Iterable[Job] = (),
 ) -> Outcome:
@@ -102,7 +102,7 @@ def climb(
     Raises:
         StageError: not even the fallback closes.
     """
-    search = Search(worker, job, start, views, others)
+    search = Search(worker, job, budget_of(job.settings), views, others)
     found = search.run()
     if found is None:
         found = Polished(_fallback(worker, job, points), {})

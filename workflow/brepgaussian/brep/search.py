@@ -1,19 +1,19 @@
 """The search for the solid that the points and the images like best: rungs of the ladder, then simpler solids."""
 
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, short_of, size
 from brepgaussian.brep.polish import Polished, badness, polish
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
-from brepgaussian.brep.worker import Worker, WorkerError
+from brepgaussian.brep.worker import Worker, WorkerError, WorkerTimeout
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
@@ -23,6 +23,7 @@ _SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
 _SMALL = 0.03  # of all points: the images decide whether patches of so few are faces
 _MOST_RIVALS = 2  # solids of another shape that are refined where the images refuse the first
+_HANGS = 12  # solids that a hanging kernel costs: a few of them end the search
 _OTHERS_RUNGS = ("support", "open_extended", "wide")  # on which other explanations are tried
 
 Shape = tuple[int, int, int, float]
@@ -35,7 +36,7 @@ class Search:
     Attributes:
         worker: runs the geometry kernel.
         job: what the rungs need.
-        start: time (monotonic) from which the total limit counts.
+        budget: what may still be done.
         views: images that judge; None to do without.
         others: jobs of other explanations of the same points, tried where the images or the points want another solid.
         tried: the attempts of this explanation, in order; beside: those of the others, for the report.
@@ -44,7 +45,7 @@ class Search:
 
     worker: Worker
     job: Job
-    start: float
+    budget: Budget
     views: Views | None
     others: Iterable[Job] = ()
     tried: list[Attempt] = field(default_factory=list)
@@ -77,11 +78,11 @@ class Search:
         if best is not None and not best.attempt.verdict.doubts and best.report.get("accepted") is not False:
             return self, best
         for job in self.others:
-            if self._late():
+            if self.budget.spent:
                 break
             if best is not None and _hopeless(job, best):
                 continue
-            search = Search(self.worker, job, self.start, self.views)
+            search = Search(self.worker, job, self.budget, self.views)
             found = search._first(_OTHERS_RUNGS)
             self.beside += [replace(t, rung=f"afresh {t.rung}") for t in search.tried]
             fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
@@ -117,19 +118,18 @@ class Search:
         for rung in self._ladder:
             if rung.name in done:
                 continue
-            if self._late() or self._repeating() or (not to_the_end and self._settled()):
+            if self.budget.spent or self._repeating() or (not to_the_end and self._settled()):
                 break
+            self.budget.solids -= 1
             try:
                 result = self.worker.call("assemble:attempt", (self.job, rung), self.job.settings.time_limit_s)
             except (WorkerError, BrepGaussianError) as error:
+                self.budget.solids -= _HANGS * isinstance(error, WorkerTimeout)
                 result = Attempt(rung.name, None, Verdict((str(error),)))
             self.tried.append(result)
             get_logger("brep").info("rung %s: %s", rung.name, _remarks(result) or "accepted")
             if self._promising(result) and self._judged(result).report.get("accepted"):
                 break
-
-    def _late(self) -> bool:
-        return time.monotonic() - self.start > self.job.settings.total_time_s
 
     def _settled(self) -> bool:
         """Whether a solid is good enough to stop: no doubts, and no rung left that could mend a bare area."""
@@ -184,6 +184,7 @@ class Search:
         assert self.views is not None
         shape = shape_of(attempt)
         if shape not in self.polished:
+            self.budget.refinements -= 1
             self.polished[shape] = polish(self.worker, self.job, self._rung(attempt.rung), attempt, self.views)
         return self.polished[shape]
 
@@ -199,9 +200,9 @@ class Search:
         settings = self.job.settings
         if self.views is None or not (settings.simplify and settings.refine):
             return best
-        end = min(time.monotonic() + settings.simplify_time_s, self.start + settings.total_time_s)
         rung = self._rung(best.attempt.rung)
-        return Trials(self.worker, self.views, self.job, rung, best, end, settings.simplify_trials).run()
+        left = Budget(settings.simplify_solids, settings.simplify_trials)
+        return Trials(self.worker, self.views, self.job, rung, best, left).run()
 
 
 def _hopeless(job: Job, best: Polished) -> bool:

@@ -56,7 +56,7 @@ def build_brep(
     _check(points, points_path)
     with Worker() as worker:
         job = make_job(views, points, primitives, settings)
-        outcome = climb(worker, job, points, start, views, other_jobs(points, primitives, job))
+        outcome = climb(worker, job, points, views, other_jobs(points, primitives, job))
         name = views.object_name or Path(views_path).parent.name or "part"
         step = (outcome.shape, views.world_from_unit, views.unit, name, str(out_step))
         worker.call("publish:write_step", step, _PUBLISH_LIMIT_S)

@@ -1,12 +1,12 @@
 """Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
 
-import time
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, short_of, size
@@ -28,8 +28,7 @@ class Trials:
         worker, views: as everywhere in this stage.
         job, rung: what the best solid was built from.
         best: the solid with its acceptance test.
-        end: time (monotonic) after which nothing more is tried.
-        left: number of solids that may still be refined.
+        left: what may still be built and refined.
         notes: for the report.
         refused: names of changes that were refused alone.
     """
@@ -39,17 +38,16 @@ class Trials:
     job: Job
     rung: Rung
     best: Polished
-    end: float
-    left: int
+    left: Budget
     notes: list[dict[str, Any]] = field(default_factory=list)
     refused: set[str] = field(default_factory=set)
 
     def run(self) -> Polished:
-        """Try chamfers where an edge is refused, then simplify until nothing is left to try, or the time is up."""
+        """Try chamfers where an edge is refused, then simplify until nothing is left to try, or the budget is spent."""
         for change in self._features():
-            if self._more() and self._tried([change], simpler=False) and self.best.report["accepted"]:
+            if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
-        while self._more():
+        while not self.left.spent:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
                 break
@@ -64,9 +62,6 @@ class Trials:
             return []
         return chamfers(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
 
-    def _more(self) -> bool:
-        return self.left > 0 and time.monotonic() < self.end
-
     def _proposals(self) -> list[Change]:
         noise = float(np.median([p.sigma for p in self.job.patches]))
         return proposals(self.job.patches, noise, self.job.settings.seed)
@@ -79,7 +74,7 @@ class Trials:
 
     def _tried(self, changes: list[Change], simpler: bool = True) -> bool:
         """Whether changes were taken; what was refused alone is not tried again."""
-        if not self._more():
+        if self.left.spent:
             return False
         fault, outcome = self._outcome(changes, simpler)
         names = [c.name for c in changes]
@@ -96,6 +91,7 @@ class Trials:
         job, before = applied(self.job, changes), self.best.attempt.verdict
         fault = ""
         for rung in _rungs(self.rung, job):
+            self.left.solids -= 1
             try:
                 attempt: Attempt = self.worker.call("assemble:attempt", (job, rung), job.settings.time_limit_s)
             except (WorkerError, BrepGaussianError) as error:
@@ -110,7 +106,7 @@ class Trials:
             elif simpler and _explains_less(verdict, before):
                 fault = "the points are explained less"
             else:
-                self.left -= 1
+                self.left.refinements -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
                 fault = (against if simpler else short_of)(polished, self.best, job.settings)
                 if not fault:

@@ -24,6 +24,10 @@ class WorkerError(Exception):
     """The child crashed, hung, or its function failed."""
 
 
+class WorkerTimeout(WorkerError):
+    """The child hung."""
+
+
 class Worker:
     """Calls functions of this package in a child process, with a time limit for each call."""
 
@@ -40,7 +44,7 @@ class Worker:
         """Run `module:function` of this package with pickled arguments.
 
         Raises:
-            WorkerError: it crashed, exceeded the limit, or raised something unexpected.
+            WorkerError: it crashed, exceeded the limit (`WorkerTimeout`), or raised something unexpected.
             BrepGaussianError: raised by the function itself.
         """
         if self._process is None or self._process.poll() is not None:
@@ -59,7 +63,7 @@ class Worker:
             raise WorkerError("the geometry kernel crashed") from error
         except TimeoutError as error:
             self.stop()
-            raise WorkerError(f"took more than {limit_s:.0f} s") from error
+            raise WorkerTimeout(f"took more than {limit_s:.0f} s") from error
         if good:
             return value
         if isinstance(value, BrepGaussianError):

@@ -55,17 +55,21 @@ class BrepSettings:
     weak_iou: float = setting(0.85, "The same for the silhouettes' IoU.", minimum=0.0, maximum=1.0)
     gate_views: int = setting(16, "Most silhouettes that are compared in the gate.", minimum=1)
     gate_side: int = setting(400, "Longest side of the silhouettes used as evidence.", unit="px", minimum=50)
-    time_limit_s: float = setting(60.0, "Time limit of one rung of the ladder.", unit="s", minimum=1.0)
-    total_time_s: float = setting(
-        240.0, "Time after which only the polyhedral fallback is still tried.", unit="s", minimum=1.0
+    time_limit_s: float = setting(
+        120.0,
+        "Guard against a kernel that hangs: time limit of one call, far beyond any that ends.",
+        unit="s",
+        minimum=1.0,
     )
+    most_solids: int = setting(
+        48, "Solids built on rungs of the ladder after which no other rung or explanation is tried.", minimum=1
+    )
+    most_refinements: int = setting(16, "The same for solids refined in the search.", minimum=1)
     polyhedron_faces: int = setting(400, "Triangles of the polyhedral fallback.", minimum=20)
     refine: bool = setting(True, "Refine all surfaces together against the images' sub-pixel edges.")
     simplify: bool = setting(True, "Try solids with fewer or simpler faces, take those that the images like as well.")
-    simplify_trials: int = setting(8, "Most simpler solids that are refined and judged.", minimum=0)
-    simplify_time_s: float = setting(
-        30.0, "Time after which no simpler solid is tried any more.", unit="s", minimum=0.0
-    )
+    simplify_trials: int = setting(5, "Most simpler solids that are refined and judged.", minimum=0)
+    simplify_solids: int = setting(16, "Most simpler solids that are built.", minimum=0)
     refine_angle_deg: float = setting(
         0.5, "Trust in the directions that the points gave (prior).", unit="degrees", minimum=1e-3
     )

@@ -58,9 +58,9 @@ def run(path: str, settings: ViewsSettings, sigma: float, seed: int, worker: Wor
     points = damaged(loaded.truth, sigma, 0.01, "none", seed)
     job = make_job(loaded.views, points, primitives_of(points, PrimitivesSettings()), BrepSettings())
     start = time.monotonic()
-    before = climb(worker, job, points, start)
+    before = climb(worker, job, points)
     middle = time.monotonic()
-    after = climb(worker, job, points, middle, loaded.views)
+    after = climb(worker, job, points, loaded.views)
     seconds = (time.monotonic() - middle) - (middle - start)
     errors = [surface_error(from_bytes(o.shape), exact) for o in (before, after)]
     report = after.report
