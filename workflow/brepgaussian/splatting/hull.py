@@ -110,11 +110,11 @@ def carve(
 
         images = Images.of(views, noise)
         if patches is not None:
-            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample, noise)
+            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample)
         if concavities:
             field, prisms = open_channels(images, field, origin, spacing, mesher)
         if patches is not None:
-            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample, noise, faces)
+            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample, faces)
         if concavities:
             field, more = open_concavities(images, field, origin, spacing, mesher)
             prisms += more

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.concave.prism import plane_axes
@@ -46,15 +47,22 @@ class Stack:
         self.views = _spread(sorted(candidate.regions))
         self.normal, self.origin = _mean_plane(candidate)
         self.first, self.second = plane_axes(self.normal)
-        self.distance = [_border_distance(patches[v], candidate.regions[v]) for v in self.views]
+        masks = [(patches[v] == candidate.regions[v]).astype(np.uint8) for v in self.views]
+        self._whole = [_border_distance(_without_holes(m)) for m in masks]
+        self._exact = [_border_distance(m) for m in masks]
 
-    def sample(self, points: Array, rows: NDArray[np.int64]) -> Array:
-        """(R, N) distance in px inside the face's border in some of the views, negative outside."""
+    def sample(self, points: Array, rows: NDArray[np.int64], holes: bool = False) -> Array:
+        """(R, N) distance in px inside the face's border in some of the views, negative outside.
+
+        Masks agree on a face's outer border. Around holes they show the rim, a piece of the wall, or nothing at all,
+        so that those count only on request.
+        """
+        distance = self._exact if holes else self._whole
         values = np.zeros((len(rows), len(points)))
         for k, row in enumerate(rows):
             pixels = self.cameras.project(self.views[row], points)[0].astype(np.float32) - np.float32(0.5)
             values[k] = cv2.remap(
-                self.distance[row], pixels[:, :1], pixels[:, 1:], cv2.INTER_LINEAR,
+                distance[row], pixels[:, :1], pixels[:, 1:], cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_CONSTANT, borderValue=-_REACH_PX,
             )[:, 0]  # fmt: skip
         return values
@@ -204,9 +212,13 @@ def _mean_plane(candidate: Candidate) -> tuple[Array, Array]:
     return normal / max(float(np.linalg.norm(normal)), 1e-9), np.median(candidate.points, axis=0)
 
 
-def _border_distance(patches: NDArray[np.integer], region: int) -> NDArray[np.float32]:
+def _without_holes(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) a region with all that it encloses."""
+    return np.asarray(ndimage.binary_fill_holes(mask), np.uint8)
+
+
+def _border_distance(mask: NDArray[np.uint8]) -> NDArray[np.float32]:
     """(H, W) distance in px inside the border of a region, negative outside."""
-    mask = (patches == region).astype(np.uint8)
     inner = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
     outer = cv2.distanceTransform(1 - mask, cv2.DIST_L2, cv2.DIST_MASK_5)
     signed = np.where(mask > 0, inner - 0.5, 0.5 - outer)

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.faces.align import Aligned, Stack
 from brepgaussian.splatting.faces.candidates import Candidate
+from brepgaussian.splatting.faces.even import evenness
 
 Array = NDArray[np.float64]
 
@@ -32,11 +32,9 @@ _LEAST_PARALLAX = 1.0  # px squared, summed over views, for a rise of one cell
 _LEVEL_PIXELS = 0.8  # footprints of a pixel: a border this near to the plane is on it
 _BORDER_NOISE_PX = 0.4  # of a border in one view
 _LEVEL_SHARE = 0.85  # of the border; occluders and bad masks spoil some
-_INNER_CELLS = 3.0  # from the border, where blur ends
-_TOLERANCE = 3.0  # grey levels by which views may differ on a noise-free face
 _SIGMAS = 3.0
 _EVEN_SHARE = 0.7  # of the inner cells look alike in all views
-_QUANTILES = (0.1, 0.9)  # over views; a few may be disturbed by other parts' borders
+_BLUR_PX = 2.0  # of the border between two regions
 
 
 @dataclass(frozen=True)
@@ -62,22 +60,14 @@ class Face:
 
 
 def confirm(
-    views: Views,
-    luminance: NDArray[np.float32],
-    stack: Stack,
-    candidate: Candidate,
-    aligned: Aligned,
-    scene: Scene,
-    noise: float,
-    strict: bool = False,
+    images: Images, stack: Stack, candidate: Candidate, aligned: Aligned, scene: Scene, strict: bool = False
 ) -> Face | None:
     """The face of an aligned candidate, or None where the views contradict it.
 
     Args:
-        views: images and cameras; luminance: (V, H, W) their grey levels.
+        images: of all views.
         stack, candidate, aligned: the candidate with its plane.
         scene: the hull.
-        noise: standard deviation of the images' noise, grey levels.
         strict: don't let a face's grey outweigh that masks disagree about it.
     """
     few = len(aligned.views) < _MINORITY * len(stack.views)
@@ -85,25 +75,33 @@ def confirm(
     most = _MINORITY_DISAGREEMENT if few else _MOST_DISAGREEMENT if strict else _DOUBTFUL_DISAGREEMENT
     if aligned.disagreement > most or len(aligned.views) < _LEAST_AGREEING:
         return None
-    lattice = _lattice(candidate, aligned, _PITCH_PIXELS * views.cameras.footprint())
+    lattice = _lattice(candidate, aligned, _PITCH_PIXELS * images.views.cameras.footprint())
     cells = lattice.centers().reshape(-1, 3)
-    seen = stack.visible(cells, scene)[aligned.views]
-    values = stack.sample(cells, aligned.views)
-    share = (np.where(seen, np.clip(values + 0.5, 0, 1), 0).sum(axis=0)) / np.maximum(seen.sum(axis=0), 1)
-    outline = (share > _INSIDE).reshape(lattice.shape)
+    bare = stack.visible(cells, scene)[aligned.views]
+    depth = stack.sample(cells, aligned.views, holes=True)
+    outline = _outline(lattice, depth, bare)
     if outline.sum() * lattice.pitch**2 < (_DOUBTFUL_AREA if doubtful else 0.0) or not outline.any():
         return None
-    if not _is_level(stack, aligned, cells, values, seen, lattice.pitch):
+    if not _is_level(stack, aligned, cells, stack.sample(cells, aligned.views), bare, lattice.pitch):
         return None
-    inner = (ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS).ravel()
-    if inner.any():
-        grey = _grey(views, luminance, [stack.views[r] for r in aligned.views], cells[inner], seen[:, inner])
-        told = np.isfinite(grey).sum(axis=0) >= 2
-        low, high = np.nanquantile(grey[:, told], _QUANTILES, axis=0) if told.any() else np.zeros((2, 1))
-        even = np.mean(high - low <= max(_TOLERANCE, _SIGMAS * noise))
-        if even < (_DOUBTFUL_EVEN_SHARE if doubtful else _EVEN_SHARE):
-            return None
+    chosen = [stack.views[r] for r in aligned.views]
+    even, crowded = evenness(images, lattice, outline, chosen, bare)
+    if even < (_DOUBTFUL_EVEN_SHARE if doubtful else _EVEN_SHARE):
+        return None
+    outline &= ~crowded
+    if not doubtful:
+        believed = bare | (depth > 0) & stack.visible(cells, None)[aligned.views]
+        hidden = _outline(lattice, depth, believed) & ~outline
+        even, crowded = evenness(images, lattice, hidden, chosen, believed & (depth > _BLUR_PX))
+        if even >= _EVEN_SHARE:
+            outline |= hidden & ~crowded
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
+
+
+def _outline(lattice: Lattice, depth: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(R, C) cells that most views which see them (V, N) have inside the border, by depths (V, N) px."""
+    inside = np.where(seen, np.clip(depth + 0.5, 0, 1), 0).sum(axis=0)
+    return np.asarray((inside > _INSIDE * np.maximum(seen.sum(axis=0), 1)).reshape(lattice.shape))
 
 
 def _bulge(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> float:
@@ -154,16 +152,3 @@ def _lattice(candidate: Candidate, aligned: Aligned, pitch: float) -> Lattice:
     rows, columns = np.ceil((high - low) / pitch).astype(int)
     origin = low[0] * first + low[1] * second + (aligned.through @ aligned.normal) * aligned.normal
     return Lattice(origin, first, second, aligned.normal, pitch, (int(rows), int(columns)))
-
-
-def _grey(
-    views: Views, luminance: NDArray[np.float32], chosen: list[int], cells: Array, seen: NDArray[np.bool_]
-) -> Array:
-    """(V, N) grey levels of cells, NaN where a view does not see them."""
-    result = np.full(seen.shape, np.nan)
-    for row, view in enumerate(chosen):
-        index = np.flatnonzero(seen[row])
-        pixels = views.cameras.project(view, cells[index])[0]
-        at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
-        result[row, index] = ndimage.map_coordinates(luminance[view], at, order=1, output=np.float64)
-    return result

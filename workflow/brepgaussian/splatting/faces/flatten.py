@@ -1,9 +1,11 @@
 """Cut off what a hull has above the planar faces that the images confirm."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
@@ -23,11 +25,15 @@ Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
 _SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
 _OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
-_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none
+_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none there
+_LEFT_SHARE = 0.8  # of a face after taking out what is needed above it; else there was no bulge at all
+_TRIMS = 3  # rounds of taking out of a face what is needed above it
+_TRIM_CELLS = 2  # of the face's lattice, around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
 _LARGER = 1.1  # than before, for a face to be cut again
 _BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: the tighter hull is looked at again
+
 
 logger = get_logger("stage1")
 
@@ -40,7 +46,6 @@ def flatten_faces(
     spacing: float,
     mesher: Mesher,
     sampler: Sampler,
-    noise: float = 0.0,
     known: Sequence[Face] | None = None,
 ) -> tuple[Field, list[Face]]:
     """Find the planar faces and carve the hull down to them.
@@ -54,7 +59,6 @@ def flatten_faces(
         origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
         mesher: turns a field into vertices (K, 3) and triangles (T, 3), counter-clockwise from outside.
         sampler: spreads points (N, 3) with normals (N, 3) evenly over a mesh.
-        noise: standard deviation of the images' noise, grey levels.
         known: the faces that were found before, to look again in a hull that is tighter now: behind a high bulge are
             others. None = look for the first time.
 
@@ -65,7 +69,7 @@ def flatten_faces(
     for _ in range(1 if known is None else _ROUNDS):
         if known is not None and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
             break
-        field, found = _flatten(images, patches, field, origin, spacing, mesher, sampler, noise, faces)
+        field, found = _flatten(images, patches, field, origin, spacing, mesher, sampler, faces)
         for face in found:
             logger.info(
                 "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
@@ -83,7 +87,6 @@ def _flatten(
     spacing: float,
     mesher: Mesher,
     sampler: Sampler,
-    noise: float,
     known: list[Face],
 ) -> tuple[Field, list[Face]]:
     """The planar faces that a hull shows, beyond those that are known, and the hull cut down to them."""
@@ -97,15 +100,47 @@ def _flatten(
         if aligned is None:
             continue
         # what a cut has left of a rounded inner edge may be flat: only the hull as it was is worth a doubt
-        face = confirm(views, images.luminance, stack, candidate, aligned, scene, noise, strict=bool(known))
+        face = confirm(images, stack, candidate, aligned, scene, strict=bool(known))
         if face is None or any(_same(face, other, spacing) for other in faces):
             continue
         if not any(_same(face, other, spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
-    carved = _carve(field, origin, spacing, faces)
-    after = Scene(*mesher(carved))
-    kept = [f for f in faces if not _needed(views, f, mesh[0], spacing, after)]
-    return (carved if len(kept) == len(faces) else _carve(field, origin, spacing, kept)), kept
+    return _without_needed(views, field, origin, spacing, mesher, mesh[0], faces)
+
+
+def _without_needed(
+    views: Views, field: Field, origin: Array, spacing: float, mesher: Mesher, vertices: Array, faces: list[Face]
+) -> tuple[Field, list[Face]]:
+    """The field without what stands above the faces, as far as silhouettes can do without it.
+
+    Where masks let a face run on below a rib or into a fillet, it ends there; a dome with a planar rim is no bulge.
+    """
+    for _ in range(_TRIMS):
+        carved = _carve(field, origin, spacing, faces)
+        after = Scene(*mesher(carved))
+        kept: list[Face] = []
+        for face in faces:
+            within, needed = _needed(views, face, vertices, spacing, after)
+            share = needed.sum() / max(within.sum(), 1)
+            if share <= _NEEDED_SHARE:
+                kept.append(face)
+            else:
+                trimmed = _trimmed(face, vertices[needed])
+                if trimmed.area > _LEFT_SHARE * face.area:
+                    kept.append(trimmed)
+        if len(kept) == len(faces) and all(a is b for a, b in zip(kept, faces, strict=True)):
+            return carved, kept
+        faces = kept
+    return _carve(field, origin, spacing, faces), faces
+
+
+def _trimmed(face: Face, needed: Array) -> Face:
+    """A face without the surroundings of points above it (N, 3)."""
+    cells = np.round(face.lattice.coordinates(needed)[0]).astype(int)
+    taken = np.zeros_like(face.outline)
+    taken[cells[:, 0], cells[:, 1]] = True
+    outline = face.outline & ~ndimage.binary_dilation(taken, iterations=_TRIM_CELLS)
+    return replace(face, outline=outline)
 
 
 def _same(face: Face, other: Face, spacing: float) -> bool:
@@ -125,14 +160,14 @@ def _carve(field: Field, origin: Array, spacing: float, faces: list[Face]) -> Fi
     return carved
 
 
-def _needed(views: Views, face: Face, vertices: Array, spacing: float, after: Scene) -> bool:
-    """Whether silhouettes show what was cut off: a dome with a planar rim is no bulge."""
+def _needed(
+    views: Views, face: Face, vertices: Array, spacing: float, after: Scene
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(K,) vertices of the hull that are cut off by a face, and (K,) those that silhouettes show."""
     within, heights = over(face.lattice, face.outline, vertices)
     within &= (heights > _LEAST_BULGE_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
     samples = vertices[within]
-    if not len(samples):
-        return False
-    needed = np.zeros(len(samples), int)
+    count = np.zeros(len(samples), int)
     height_px, width_px = views.alpha.shape[1:]
     for view, center in enumerate(views.cameras.centers):
         pixels = np.floor(views.cameras.project(view, samples)[0]).astype(int)
@@ -141,5 +176,7 @@ def _needed(views: Views, face: Face, vertices: Array, spacing: float, after: Sc
         opaque[inside] = views.alpha[view, pixels[inside, 1], pixels[inside, 0]] >= _OPAQUE
         ray = samples[opaque] - center
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        needed[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
-    return bool((needed >= _NEEDED_VIEWS).mean() > _NEEDED_SHARE)
+        count[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
+    needed = within.copy()
+    needed[within] = count >= _NEEDED_VIEWS
+    return within, needed

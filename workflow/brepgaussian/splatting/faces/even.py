@@ -1,0 +1,51 @@
+"""Whether places of a plane look the same from everywhere: radiance is fixed on the surface, if that is the surface."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.prism import Lattice
+
+Array = NDArray[np.float64]
+
+_INNER_CELLS = 3.0  # from the border, where blur ends
+_TOLERANCE = 3.0  # grey levels by which views of a whole face differ at least: more than those of one place
+_QUANTILES = (0.1, 0.9)  # over views; a few may be disturbed by other parts' borders
+_LEAST_COMPARED = 2  # views of a cell
+_CROWD_CELLS, _CROWD_SHARE = 7, 0.5  # window in which most cells differ: there the surface leaves the plane
+
+
+def evenness(
+    images: Images, lattice: Lattice, outline: NDArray[np.bool_], views: list[int], seen: NDArray[np.bool_]
+) -> tuple[float, NDArray[np.bool_]]:
+    """Share of the inner cells that look alike in all views, and (R, C) where the others crowd.
+
+    Args:
+        images: of all views.
+        lattice, outline: a face, and (R, C) the cells to look at.
+        views: those that show it; seen: (len(views), R * C) which cells each one sees.
+    """
+    border = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS
+    index = np.flatnonzero(border & outline)
+    grey = _grey(images, views, lattice.centers().reshape(-1, 3)[index], seen[:, index])
+    told = np.isfinite(grey).sum(axis=0) >= _LEAST_COMPARED
+    different = np.zeros(outline.shape, bool)
+    if not told.any():
+        return 1.0, different
+    low, high = np.nanquantile(grey[:, told], _QUANTILES, axis=0)
+    alike = high - low <= max(_TOLERANCE, images.tolerance)
+    different.ravel()[index[told]] = ~alike
+    crowded = ndimage.uniform_filter(different.astype(np.float32), _CROWD_CELLS) > _CROWD_SHARE
+    return float(alike.mean()), np.asarray(crowded)
+
+
+def _grey(images: Images, chosen: list[int], cells: Array, seen: NDArray[np.bool_]) -> Array:
+    """(V, N) grey levels of cells, NaN where a view does not see them."""
+    result = np.full(seen.shape, np.nan)
+    for row, view in enumerate(chosen):
+        index = np.flatnonzero(seen[row])
+        pixels = images.views.cameras.project(view, cells[index])[0]
+        at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
+        result[row, index] = ndimage.map_coordinates(images.luminance[view], at, order=1, output=np.float64)
+    return result
