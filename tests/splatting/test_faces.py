@@ -1,16 +1,22 @@
 """Planar faces from regions: planes against analytic ones, and what must not pass for a plane."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import Candidate
-from brepgaussian.splatting.faces.confirm import over
+from brepgaussian.splatting.faces.confirm import Face, confirm, over
+from brepgaussian.splatting.faces.flatten import _without_needed
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 
@@ -82,6 +88,108 @@ def test_one_region_over_a_step_is_no_plane():
     candidate = candidate_on(lambda xy: np.where(xy[:, 0] < 0.5, 0.44, 0.52), cameras, 0.0, 5)
     aligned = align(Stack(cameras, np.maximum(low, high), candidate), candidate, nothing())
     assert aligned is None or aligned.disagreement > 0.012
+
+
+SQUARE = np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5], [0.7, 0.7, 0.5], [0.3, 0.7, 0.5]])
+
+
+def flat(xy):
+    return np.full(len(xy), 0.5)
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_holes_that_views_show_differently_do_not_spoil_the_plane(seed):
+    rng = np.random.default_rng(seed)
+    cameras = ring_of_cameras()
+    masks = masks_of(cameras, SQUARE)
+    for view in range(len(cameras)):  # a piece of a hole's wall is merged with the face, another one in each view
+        hole = np.column_stack([0.5 + 0.1 * rng.uniform(-1, 1, (5, 2)), np.full(5, 0.5)])
+        corners = cv2.convexHull(cameras.project(view, hole)[0].astype(np.float32))
+        cv2.fillPoly(masks[view], [np.round(corners).astype(np.int32)], 2)
+    candidate = candidate_on(flat, cameras, 0.0, seed)
+    aligned = align(Stack(cameras, masks, candidate), candidate, nothing())
+    assert aligned is not None
+    assert not aligned.holes
+    assert aligned.disagreement < 0.004
+    assert np.degrees(np.arccos(min(aligned.normal[2], 1))) < 0.3
+
+
+def boxes(*extents):
+    """One mesh of boxes given by their corners."""
+    return trimesh.util.concatenate([trimesh.creation.box(bounds=b) for b in extents])
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_face_runs_on_where_the_hull_hides_it_if_views_look_alike(alike):
+    rng = np.random.default_rng(5)
+    cameras = ring_of_cameras()
+    masks = masks_of(cameras, SQUARE)
+    fill = boxes([[0.1, 0.1, 0.505], [0.42, 0.9, 0.75]])  # what silhouettes leave in an inner corner
+    points = rng.uniform([0.3, 0.3], [0.7, 0.7], (500, 2))
+    height = np.where(points[:, 0] < 0.42, 0.75, 0.5)
+    regions = dict.fromkeys(range(len(cameras)), 1)
+    candidate = Candidate(np.column_stack([points, height]), np.tile([0, 0, 1.0], (500, 1)), regions)
+    grey = np.full(masks.shape, 120, np.float32)
+    if not alike:  # something else is seen there
+        strip = masks_of(
+            cameras, np.array([[0.28, 0.28, 0.5], [0.42, 0.28, 0.5], [0.42, 0.72, 0.5], [0.28, 0.72, 0.5]])
+        )
+        for view, seen in enumerate(strip):
+            grey[view][seen > 0] = rng.uniform(60, 180)
+    images = Images(SimpleNamespace(cameras=cameras), grey, 1.5)
+    scene, stack = Scene(fill.vertices, fill.faces), Stack(cameras, masks, candidate)
+    aligned = align(stack, candidate, scene)
+    assert aligned is not None
+    face = confirm(images, stack, candidate, aligned, scene)
+    assert face is not None
+    hidden = np.column_stack([rng.uniform([0.31, 0.33], [0.33, 0.67], (500, 2)), np.full(500, 0.5)])
+    share = over(face.lattice, face.outline, hidden)[0].mean()
+    assert share > 0.95 if alike else share < 0.3
+
+
+def test_a_face_ends_at_a_rib_that_silhouettes_show():
+    cameras = ring_of_cameras()
+    part = boxes([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.45, 0.2, 0.5], [0.5, 0.8, 0.7]])
+    hull = boxes([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.4, 0.2, 0.5], [0.55, 0.8, 0.7]])
+    scene = Scene(part.vertices, part.faces)
+    alpha = np.zeros((len(cameras), SIZE, SIZE), np.uint8)
+    rows, columns = np.mgrid[:SIZE, :SIZE] + 0.5
+    for view in range(len(cameras)):
+        center, rays = cameras.rays(view, np.column_stack([columns.ravel(), rows.ravel()]))
+        alpha[view] = 255 * scene.occluded(np.broadcast_to(center, rays.shape), rays).reshape(SIZE, SIZE)
+    spacing = 0.02
+    axis = spacing * np.arange(50)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    field = np.full(len(grid), -1.0, np.float32)
+    for low, high in ([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.4, 0.2, 0.5], [0.55, 0.8, 0.7]]):
+        field = np.maximum(field, np.minimum(grid - low, np.array(high) - grid).min(axis=1))
+    field = field.reshape(50, 50, 50)
+
+    def mesher(values):
+        from skimage.measure import marching_cubes
+
+        vertices, triangles, _, _ = marching_cubes(values, 0.0, gradient_direction="ascent")
+        return vertices * spacing, triangles
+
+    z = np.array([0, 0, 1.0])
+    lattice = Lattice(np.array([0.2, 0.2, 0.5]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), z, 0.01, (60, 60))
+    views = SimpleNamespace(cameras=cameras, alpha=alpha)
+    outline = np.ones((60, 60), bool)
+    outline[20:35] = False
+    good = Face(lattice, outline, 0.0, 0.2)
+    samples = hull.sample(20000, seed=0)
+    carved, faces = _without_needed(views, field, np.zeros(3), spacing, mesher, samples, [good])
+    assert faces[0] is good
+    over_rib = np.ones((60, 60), bool)
+    over_rib[20:24] = False  # masks let the face run on below most of the rib
+    over_rib[24:28, 40:] = False
+    carved, faces = _without_needed(
+        views, field, np.zeros(3), spacing, mesher, samples, [Face(lattice, over_rib, 0.0, 0.2)]
+    )
+    assert all(f.outline.sum() < over_rib.sum() for f in faces)
+    kept = (carved.reshape(-1) > 0) & (field.reshape(-1) > 0)
+    inside = scene.signed_distance(grid) < -spacing
+    assert (kept[inside & (grid[:, 2] > 0.6)]).mean() > 0.5
 
 
 @pytest.fixture(scope="module")

@@ -48,16 +48,14 @@ class Stack:
         self.normal, self.origin = _mean_plane(candidate)
         self.first, self.second = plane_axes(self.normal)
         masks = [(patches[v] == candidate.regions[v]).astype(np.uint8) for v in self.views]
-        self._whole = [_border_distance(_without_holes(m)) for m in masks]
+        whole = [np.asarray(ndimage.binary_fill_holes(m), np.uint8) for m in masks]
+        self.has_holes = any(w.sum() > m.sum() for w, m in zip(whole, masks, strict=True))
         self._exact = [_border_distance(m) for m in masks]
+        self._outer = [_border_distance(m) for m in whole] if self.has_holes else self._exact
 
-    def sample(self, points: Array, rows: NDArray[np.int64], holes: bool = False) -> Array:
-        """(R, N) distance in px inside the face's border in some of the views, negative outside.
-
-        Masks agree on a face's outer border. Around holes they show the rim, a piece of the wall, or nothing at all,
-        so that those count only on request.
-        """
-        distance = self._exact if holes else self._whole
+    def sample(self, points: Array, rows: NDArray[np.int64], holes: bool) -> Array:
+        """(R, N) distance in px inside the face's border (or inside the outer one, without holes), negative outside."""
+        distance = self._exact if holes else self._outer
         values = np.zeros((len(rows), len(points)))
         for k, row in enumerate(rows):
             pixels = self.cameras.project(self.views[row], points)[0].astype(np.float32) - np.float32(0.5)
@@ -91,16 +89,29 @@ class Aligned:
         normal: (3,) unit, outward; through: (3,) a point on it, in the middle of the face.
         disagreement: share of the face's area about which a view disagrees, squared and averaged.
         views: rows of the stack that agree.
+        holes: whether they agree on the borders of its holes, too.
     """
 
     normal: Array
     through: Array
     disagreement: float
     views: NDArray[np.int64]
+    holes: bool
 
 
 def align(stack: Stack, candidate: Candidate, scene: Scene) -> Aligned | None:
-    """The plane of a candidate, or None if the views do not agree on one."""
+    """The plane of a candidate, or None if the views do not agree on one.
+
+    Around holes masks show the rim, a piece of the wall, or nothing at all; around a boss they show where it stands.
+    So holes count if views agree better with them.
+    """
+    ways = [True, False] if stack.has_holes else [True]
+    found = [a for a in (_align(stack, candidate, scene, holes) for holes in ways) if a is not None]
+    return min(found, key=lambda a: a.disagreement, default=None)
+
+
+def _align(stack: Stack, candidate: Candidate, scene: Scene, holes: bool) -> Aligned | None:
+    """The plane on which the regions agree best, with their holes or without."""
     if len(stack.views) < _LEAST_VIEWS:
         return None
     flat = np.column_stack([candidate.points @ stack.first, candidate.points @ stack.second])
@@ -122,21 +133,21 @@ def align(stack: Stack, candidate: Candidate, scene: Scene) -> Aligned | None:
     agree = np.arange(len(stack.views))
     sweep = [np.array([h, 0.0, 0.0]) for h in _SWEEP]
     seen = stack.visible(points(sweep[0]), None)
-    best = min(sweep, key=lambda p: _residuals(stack.sample(points(p), agree), seen, _WIDTHS_PX[0])[1])
+    best = min(sweep, key=lambda p: _residuals(stack.sample(points(p), agree, holes), seen, _WIDTHS_PX[0])[1])
     value = np.inf
     for width in (_WIDTHS_PX[0], *_WIDTHS_PX):
         seen = stack.visible(points(best), scene)[agree]
 
         def residuals(parameters: Array, width: float = width, seen: NDArray[np.bool_] = seen) -> tuple[Array, float]:
-            return _residuals(stack.sample(points(parameters), agree), seen, width)  # noqa: B023
+            return _residuals(stack.sample(points(parameters), agree, holes), seen, width)  # noqa: B023
 
         best, value = _gauss_newton(residuals, best)
-        kept = _agreeing(stack.sample(points(best), agree), seen, width)
+        kept = _agreeing(stack.sample(points(best), agree, holes), seen, width)
         if kept.sum() < _LEAST_VIEWS:
             return None
         agree = agree[kept]
     seen = stack.visible(points(best), scene)[agree]
-    values = stack.sample(points(best), agree)
+    values = stack.sample(points(best), agree, holes)
     value = _residuals(values, seen, _WIDTHS_PX[-1])[1]
     area = _mean(np.clip(values / _WIDTHS_PX[-1] + 0.5, 0, 1), seen).sum()
     if area < _LEAST_AREA * min(covered, len(candidate.points)):
@@ -145,7 +156,7 @@ def align(stack: Stack, candidate: Candidate, scene: Scene) -> Aligned | None:
     normal /= np.linalg.norm(normal)
     height = stack.origin @ stack.normal + best[0]
     through = middle[0] * stack.first + middle[1] * stack.second + height * stack.normal
-    return Aligned(normal, through, value, agree)
+    return Aligned(normal, through, value, agree, holes)
 
 
 def _agreeing(values: Array, seen: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:
@@ -210,11 +221,6 @@ def _mean_plane(candidate: Candidate) -> tuple[Array, Array]:
     """Median normal and centre: bulges are in the normals' mean, not in their median."""
     normal = np.median(candidate.normals, axis=0)
     return normal / max(float(np.linalg.norm(normal)), 1e-9), np.median(candidate.points, axis=0)
-
-
-def _without_holes(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W) a region with all that it encloses."""
-    return np.asarray(ndimage.binary_fill_holes(mask), np.uint8)
 
 
 def _border_distance(mask: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -82,7 +82,7 @@ def confirm(
     outline = _outline(lattice, depth, bare)
     if outline.sum() * lattice.pitch**2 < (_DOUBTFUL_AREA if doubtful else 0.0) or not outline.any():
         return None
-    if not _is_level(stack, aligned, cells, stack.sample(cells, aligned.views), bare, lattice.pitch):
+    if not _is_level(stack, aligned, cells, stack.sample(cells, aligned.views, aligned.holes), bare, lattice.pitch):
         return None
     chosen = [stack.views[r] for r in aligned.views]
     even, crowded = evenness(images, lattice, outline, chosen, bare)
@@ -130,7 +130,7 @@ def _is_level(
     if not border.any():
         return False
     cells, values, seen = cells[border], values[:, border], seen[:, border]
-    raised = stack.sample(cells + pitch * aligned.normal, aligned.views)
+    raised = stack.sample(cells + pitch * aligned.normal, aligned.views, aligned.holes)
     slope = np.where(seen, (raised - values) / pitch, np.nan)  # px per unit of height
     slope -= np.nanmean(slope, axis=0)
     offset = np.where(seen, values, np.nan)
