@@ -13,6 +13,7 @@ from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import Candidate
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
@@ -163,13 +164,7 @@ def test_a_face_ends_at_a_rib_that_silhouettes_show():
     field = np.full(len(grid), -1.0, np.float32)
     for low, high in ([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.4, 0.2, 0.5], [0.55, 0.8, 0.7]]):
         field = np.maximum(field, np.minimum(grid - low, np.array(high) - grid).min(axis=1))
-    field = field.reshape(50, 50, 50)
-
-    def mesher(values):
-        from skimage.measure import marching_cubes
-
-        vertices, triangles, _, _ = marching_cubes(values, 0.0, gradient_direction="ascent")
-        return vertices * spacing, triangles
+    volume = Volume(field.reshape(50, 50, 50), np.zeros(3), spacing)
 
     z = np.array([0, 0, 1.0])
     lattice = Lattice(np.array([0.2, 0.2, 0.5]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), z, 0.01, (60, 60))
@@ -178,16 +173,14 @@ def test_a_face_ends_at_a_rib_that_silhouettes_show():
     outline[20:35] = False
     good = Face(lattice, outline, 0.0, 0.2)
     samples = hull.sample(20000, seed=0)
-    carved, faces = _without_needed(views, field, np.zeros(3), spacing, mesher, samples, [good])
+    carved, faces = _without_needed(views, volume, samples, [good])
     assert faces[0] is good
     over_rib = np.ones((60, 60), bool)
     over_rib[20:24] = False  # masks let the face run on below most of the rib
     over_rib[24:28, 40:] = False
-    carved, faces = _without_needed(
-        views, field, np.zeros(3), spacing, mesher, samples, [Face(lattice, over_rib, 0.0, 0.2)]
-    )
+    carved, faces = _without_needed(views, volume, samples, [Face(lattice, over_rib, 0.0, 0.2)])
     assert all(f.outline.sum() < over_rib.sum() for f in faces)
-    kept = (carved.reshape(-1) > 0) & (field.reshape(-1) > 0)
+    kept = (carved.field.reshape(-1) > 0) & (field > 0)
     inside = scene.signed_distance(grid) < -spacing
     assert (kept[inside & (grid[:, 2] > 0.6)]).mean() > 0.5
 

@@ -5,8 +5,6 @@ import pytest
 from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
-from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.turned import axis_of_rotation, turn
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
@@ -55,20 +53,19 @@ def test_a_groove_around_a_ring_is_emptied(tmp_path):
     make_views(object_name="gland", source="part", path="o_ring_gland:3", settings=settings, **files)
     views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
 
-    def distances(field, origin, spacing, mesher):
-        scene = Scene(*mesher(field))
-        return np.abs(scene.signed_distance(truth.points))
+    def distances(hull):
+        return np.abs(hull.scene().signed_distance(truth.points))
 
     found = {}
 
-    def look(field, origin, spacing, mesher):
-        found["before"] = distances(field, origin, spacing, mesher)
-        field = turn(Images.of(views), field, origin, spacing, mesher)
-        found["after"] = distances(field, origin, spacing, mesher)
-        return field, []
+    def look(images, hull):
+        found["before"] = distances(hull)
+        hull = turn(images, hull)
+        found["after"] = distances(hull)
+        return hull, []
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("brepgaussian.splatting.concave.open_channels", lambda images, f, o, s, m: look(f, o, s, m))
+        patch.setattr("brepgaussian.splatting.concave.open_channels", look)
         carve(views, 96, 1, True)
     faces = range(len(truth.face_types))
     before, after = ([found[key][truth.point_face == f].mean() for f in faces] for key in ("before", "after"))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
 
@@ -92,15 +93,12 @@ def carve(
     silhouettes = np.empty(views.alpha.shape, np.int16)
     for view, alpha in enumerate(views.alpha):
         silhouettes[view] = np.clip(silhouette_distance(alpha) * _UNITS, -32000, 32000).astype(np.int16)
-    field, origin, spacing = hull_field(silhouettes, views.cameras, resolution, threads)
-    if field.max() <= 0:
+    volume = Volume(*hull_field(silhouettes, views.cameras, resolution, threads))
+    if volume.field.max() <= 0:
         raise StageError(
             "the silhouettes have no common inside",
             fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
         )
-
-    def mesher(f: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        return _mesh(f, origin, spacing)
 
     faces: list[Face] = []
     prisms: list[Prism] = []
@@ -110,16 +108,16 @@ def carve(
 
         images = Images.of(views, noise)
         if patches is not None:
-            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample)
+            volume, faces = flatten_faces(images, patches, volume, _sample)
         if concavities:
-            field, prisms = open_channels(images, field, origin, spacing, mesher)
+            volume, prisms = open_channels(images, volume)
         if patches is not None:
-            field, faces = flatten_faces(images, patches, field, origin, spacing, mesher, _sample, faces)
+            volume, faces = flatten_faces(images, patches, volume, _sample, faces)
         if concavities:
-            field, more = open_concavities(images, field, origin, spacing, mesher)
+            volume, more = open_concavities(images, volume)
             prisms += more
-    vertices, triangles = mesher(field)
-    return Hull(vertices, triangles, vertex_normals(vertices, triangles), spacing, tuple(prisms)), faces
+    vertices, triangles = volume.mesh()
+    return Hull(vertices, triangles, vertex_normals(vertices, triangles), volume.spacing, tuple(prisms)), faces
 
 
 def _sample(
@@ -128,16 +126,6 @@ def _sample(
     """Points (N, 3) and normals (N, 3) spread evenly over a mesh, enough for the regions of the masks."""
     hull = Hull(vertices, triangles, vertex_normals(vertices, triangles), 0.0)
     return spread(hull, _REGION_SAMPLES, 0)[:2]
-
-
-def _mesh(
-    field: NDArray[np.float32], origin: NDArray[np.float64], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (K, 3) and triangles (T, 3) of a field's zero level."""
-    from skimage.measure import marching_cubes
-
-    vertices, triangles, _, _ = marching_cubes(field, 0.0, gradient_direction="ascent")
-    return origin + spacing * vertices.astype(np.float64), triangles.astype(np.int64)
 
 
 def hull_field(

@@ -5,7 +5,7 @@ middle a hull closes it. So a column along the direction of a face's normal that
 between two faces is taken to be empty all along, if the silhouettes stay filled and the views agree better.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,10 +20,9 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
 
 _PARALLEL = 0.998  # cosine of 3.6 degrees
 _LEAST_AREA = 0.01  # of a face that ends a channel
@@ -36,7 +35,6 @@ _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _MOST_CUTS = 4  # channels of one part
 _MOST_TRIED = 6  # hypotheses for the next one, largest first
-_MARGIN_VOXELS = 4.0  # around a cut in which the field follows it
 
 logger = log.get_logger("stage1")
 
@@ -49,39 +47,31 @@ class _Cut:
     volume: float
 
 
-def straighten(
-    images: Images,
-    field: Field,
-    origin: Array,
-    spacing: float,
-    mesher: Mesher,
-) -> tuple[Field, list[Prism]]:
+def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
     """Empty the columns that are empty at their ends.
 
     Args:
         images: of all views.
-        field: (n, n, n) signed distance to the hull, inside positive.
-        origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
-        mesher: turns a field into vertices (K, 3) and triangles (T, 3).
+        hull: what silhouettes leave.
 
     Returns:
-        The field and what was cut.
+        The hull and what was cut.
     """
     rays = contour_rays(images.views)
     done: list[Prism] = []
     for _ in range(_MOST_CUTS):
-        mesh = mesher(field)
+        mesh = hull.mesh()
         scene = Scene(*mesh)
         chords = chords_in(scene, *rays)
         samples = chords.samples()
-        regions = [r for r in planar_regions(*mesh, 2 * spacing) if r.area(*mesh) >= _LEAST_AREA]
-        cuts = [c for normal in _directions(regions) for c in _cuts(field, origin, spacing, normal, regions)]
+        regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= _LEAST_AREA]
+        cuts = [c for normal in _directions(regions) for c in _cuts(hull, normal, regions)]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(cuts, key=lambda c: -c.volume)[:_MOST_TRIED]:
             if lost_share(chords, cut.prism.signed_distance(samples, 0.0) < 0) > _MOST_LOST:
                 continue
-            opened = subtract(field, origin, spacing, cut.prism, 0.0)
-            old, new, count = disagreements(images, scene, Scene(*mesher(opened)), 2 * spacing)
+            opened = hull.without(cut.prism, 0.0)
+            old, new, count = disagreements(images, scene, opened.scene(), 2 * hull.spacing)
             good = count >= _LEAST_RAYS and new <= _GAIN * old
             logger.info(
                 "channel along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
@@ -89,12 +79,12 @@ def straighten(
                 "" if good else ": not believed",
             )  # fmt: skip
             if good:
-                field = opened
+                hull = opened
                 done.append(cut.prism)
                 break
         else:
             break
-    return field, done
+    return hull, done
 
 
 def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
@@ -107,8 +97,9 @@ def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
     return found
 
 
-def _cuts(field: Field, origin: Array, spacing: float, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
+def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
     """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
+    field, origin, spacing = hull.field, hull.origin, hull.spacing
     first, second = plane_axes(normal)
     corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
     corners = corners @ np.stack([first, second, normal]).T
@@ -154,31 +145,3 @@ def _steps(normal: Array, regions: Sequence[PlanarRegion], spacing: float) -> li
         if not kept or height - kept[-1] > 2 * _END_VOXELS * spacing:
             kept.append(height)
     return kept
-
-
-def subtract(field: Field, origin: Array, spacing: float, prism: Prism, margin: float) -> Field:
-    """The field without a prism; beyond a few voxels around it nothing changes."""
-    opened = field.copy()
-    part, points = _box(field.shape, origin, spacing, prism, margin)
-    outside = prism.signed_distance(points, margin).reshape(opened[part].shape)
-    opened[part] = np.minimum(opened[part], outside)
-    return opened
-
-
-def _box(
-    shape: tuple[int, ...], origin: Array, spacing: float, prism: Prism, margin: float
-) -> tuple[tuple[slice, ...], Array]:
-    """The part of a grid that holds a prism, and the positions (N, 3) of its nodes."""
-    lattice = prism.lattice
-    cells = lattice.centers()[prism.outline]
-    ends = []
-    for height in (margin, -prism.depth - (margin if prism.through else 0.0)):
-        drift = -height * np.asarray(prism.tilt)
-        ends.append(cells + height * lattice.normal + drift[0] * lattice.first + drift[1] * lattice.second)
-    corners = np.concatenate(ends)
-    reach = max(_MARGIN_VOXELS * spacing, 2 * lattice.pitch)
-    low = np.clip(np.floor((corners.min(axis=0) - reach - origin) / spacing).astype(int), 0, None)
-    high = np.minimum(np.ceil((corners.max(axis=0) + reach - origin) / spacing).astype(int) + 1, shape)
-    part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-    steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
-    return part, np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -5,7 +5,6 @@ channels (see `sweep`), a ring of the section that the hull leaves empty somewhe
 silhouettes stay filled and the views agree better.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +18,11 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import planar_regions
 from brepgaussian.splatting.concave.prism import plane_axes
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.mesh import vertex_normals
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
-Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
 
 _ANGLES = 90  # 4 degrees apart
 _EMPTIEST = (0.05, 0.3)  # share of the angles that count as empty somewhere; the second passes by keyways and flats
@@ -62,42 +61,32 @@ class Axis:
 
 def turn(
     images: Images,
-    field: Field,
-    origin: Array,
-    spacing: float,
-    mesher: Mesher,
-) -> Field:
-    """Empty the rings that are empty at some angle.
-
-    Args:
-        images: of all views.
-        field: (n, n, n) signed distance to the hull, inside positive.
-        origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
-        mesher: turns a field into vertices (K, 3) and triangles (T, 3).
-    """
-    mesh = mesher(field)
-    axis = axis_of_rotation(*mesh, _NEAR_VOXELS * spacing)
+    hull: Volume,
+) -> Volume:
+    """The hull without the rings that are empty at some angle, by images of all views."""
+    mesh = hull.mesh()
+    axis = axis_of_rotation(*mesh, _NEAR_VOXELS * hull.spacing)
     if axis is None:
-        return field
+        return hull
     scene = Scene(*mesh)
     chords = chords_in(scene, *contour_rays(images.views))
     points = chords.samples()
     for share in _EMPTIEST:
-        section = _Section(field, origin, spacing, axis, share)
+        section = _Section(hull, axis, share)
         for ring in section.rings()[:_MOST_RINGS]:
             if lost_share(chords, section.within(ring, points)) > _MOST_LOST:
                 continue
-            opened = section.emptied(ring, field, origin)
-            after = Scene(*mesher(opened))
-            old, new, count = disagreements(images, scene, after, _REACH_VOXELS * spacing)
+            opened = section.emptied(ring, hull)
+            after = opened.scene()
+            old, new, count = disagreements(images, scene, after, _REACH_VOXELS * hull.spacing)
             good = count >= _LEAST_RAYS and new <= _GAIN * old
             logger.info(
                 "ring about %s, %d cells: views disagree by %.2f for %.2f of the hull, %d rays%s",
                 np.round(axis.direction, 2).tolist(), ring.sum(), new, old, count, "" if good else ": not believed",
             )  # fmt: skip
             if good:
-                field, scene = opened, after
-    return field
+                hull, scene = opened, after
+    return hull
 
 
 def _one_sided(empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -173,7 +162,8 @@ def _settle(lines: Array, areas: Array, direction: Array, near: float, fixed: bo
 class _Section:
     """What a hull leaves empty at some angles about an axis, by distance from it and height along it."""
 
-    def __init__(self, field: Field, origin: Array, spacing: float, axis: Axis, share: float) -> None:
+    def __init__(self, hull: Volume, axis: Axis, share: float) -> None:
+        field, origin, spacing = hull.field, hull.origin, hull.spacing
         self.axis, self.spacing = axis, spacing
         corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
         radius, height = axis.cylindrical(corners)
@@ -210,8 +200,9 @@ class _Section:
         inside[inside] = ring[rows[inside], columns[inside]]
         return inside
 
-    def emptied(self, ring: NDArray[np.bool_], field: Field, origin: Array) -> Field:
-        """The field without a ring."""
+    def emptied(self, ring: NDArray[np.bool_], hull: Volume) -> Volume:
+        """The hull without a ring."""
+        field, origin = hull.field, hull.origin
         beyond = _BEYOND_VOXELS * self.spacing
         near = ndimage.binary_dilation(ring, iterations=2)
         profile = np.where(near, self.least, beyond)
@@ -223,4 +214,4 @@ class _Section:
             index = np.stack([radius, height - self.low]) / self.spacing
             value = ndimage.map_coordinates(profile, index, order=1, cval=beyond)
             opened[k] = np.minimum(opened[k], value.reshape(opened[k].shape))
-        return opened
+        return hull.with_field(opened)

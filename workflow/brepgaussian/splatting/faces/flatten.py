@@ -12,14 +12,12 @@ from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sweep import subtract
+from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import candidates
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
 
 Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-Mesher = Callable[[Field], tuple[Array, NDArray[np.int64]]]
 Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
 
 _SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
@@ -41,13 +39,10 @@ logger = get_logger("stage1")
 def flatten_faces(
     images: Images,
     patches: NDArray[np.integer],
-    field: Field,
-    origin: Array,
-    spacing: float,
-    mesher: Mesher,
+    hull: Volume,
     sampler: Sampler,
     known: Sequence[Face] | None = None,
-) -> tuple[Field, list[Face]]:
+) -> tuple[Volume, list[Face]]:
     """Find the planar faces and carve the hull down to them.
 
     A silhouette is blind to what lies above a plane that no camera grazes, and in inner corners; regions are not.
@@ -55,43 +50,38 @@ def flatten_faces(
     Args:
         images: of all views.
         patches: (V, H, W) region ids of the masks, 0 = none.
-        field: (n, n, n) signed distance to the hull, inside positive.
-        origin: (3,) position of field[0, 0, 0]; spacing: edge of a voxel.
-        mesher: turns a field into vertices (K, 3) and triangles (T, 3), counter-clockwise from outside.
+        hull: what silhouettes leave.
         sampler: spreads points (N, 3) with normals (N, 3) evenly over a mesh.
         known: the faces that were found before, to look again in a hull that is tighter now: behind a high bulge are
             others. None = look for the first time.
 
     Returns:
-        The carved field and the faces, those that were found last first, best confirmed first among them.
+        The carved hull and the faces, those that were found last first, best confirmed first among them.
     """
     faces = found = list(known or [])
     for _ in range(1 if known is None else _ROUNDS):
-        if known is not None and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * spacing:
+        if known is not None and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * hull.spacing:
             break
-        field, found = _flatten(images, patches, field, origin, spacing, mesher, sampler, faces)
+        hull, found = _flatten(images, patches, hull, sampler, faces)
         for face in found:
             logger.info(
                 "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
                 face.area, np.round(face.lattice.normal, 2).tolist(), 100 * face.disagreement, face.bulge,
             )  # fmt: skip
-        faces = found + [f for f in faces if not any(_same(f, other, spacing) for other in found)]
-    return field, faces
+        faces = found + [f for f in faces if not any(_same(f, other, hull.spacing) for other in found)]
+    return hull, faces
 
 
 def _flatten(
     images: Images,
     patches: NDArray[np.integer],
-    field: Field,
-    origin: Array,
-    spacing: float,
-    mesher: Mesher,
+    hull: Volume,
     sampler: Sampler,
     known: list[Face],
-) -> tuple[Field, list[Face]]:
+) -> tuple[Volume, list[Face]]:
     """The planar faces that a hull shows, beyond those that are known, and the hull cut down to them."""
     views = images.views
-    mesh = mesher(field)
+    mesh = hull.mesh()
     scene = Scene(*mesh)
     faces: list[Face] = []
     for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
@@ -101,26 +91,24 @@ def _flatten(
             continue
         # what a cut has left of a rounded inner edge may be flat: only the hull as it was is worth a doubt
         face = confirm(images, stack, candidate, aligned, scene, strict=bool(known))
-        if face is None or any(_same(face, other, spacing) for other in faces):
+        if face is None or any(_same(face, other, hull.spacing) for other in faces):
             continue
-        if not any(_same(face, other, spacing) and face.area < _LARGER * other.area for other in known):
+        if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
-    return _without_needed(views, field, origin, spacing, mesher, mesh[0], faces)
+    return _without_needed(views, hull, mesh[0], faces)
 
 
-def _without_needed(
-    views: Views, field: Field, origin: Array, spacing: float, mesher: Mesher, vertices: Array, faces: list[Face]
-) -> tuple[Field, list[Face]]:
-    """The field without what stands above the faces, as far as silhouettes can do without it.
+def _without_needed(views: Views, hull: Volume, vertices: Array, faces: list[Face]) -> tuple[Volume, list[Face]]:
+    """The hull without what stands above the faces, as far as silhouettes can do without it.
 
     Where masks let a face run on below a rib or into a fillet, it ends there; a dome with a planar rim is no bulge.
     """
     for _ in range(_TRIMS):
-        carved = _carve(field, origin, spacing, faces)
-        after = Scene(*mesher(carved))
+        carved = _carve(hull, faces)
+        after = carved.scene()
         kept: list[Face] = []
         for face in faces:
-            within, needed = _needed(views, face, vertices, spacing, after)
+            within, needed = _needed(views, face, vertices, hull.spacing, after)
             share = needed.sum() / max(within.sum(), 1)
             if share <= _NEEDED_SHARE:
                 kept.append(face)
@@ -131,7 +119,7 @@ def _without_needed(
         if len(kept) == len(faces) and all(a is b for a, b in zip(kept, faces, strict=True)):
             return carved, kept
         faces = kept
-    return _carve(field, origin, spacing, faces), faces
+    return _carve(hull, faces), faces
 
 
 def _trimmed(face: Face, needed: Array) -> Face:
@@ -151,13 +139,12 @@ def _same(face: Face, other: Face, spacing: float) -> bool:
     return bool((within & (np.abs(heights) < spacing)).mean() > 0.5)
 
 
-def _carve(field: Field, origin: Array, spacing: float, faces: list[Face]) -> Field:
-    """The field without what stands above the faces."""
-    carved = field
+def _carve(hull: Volume, faces: list[Face]) -> Volume:
+    """The hull without what stands above the faces."""
     for face in faces:
-        height = face.bulge + _SLACK_CELLS * spacing
-        carved = subtract(carved, origin, spacing, Prism(face.lattice, face.outline, 0.0, False, 0.0), height)
-    return carved
+        height = face.bulge + _SLACK_CELLS * hull.spacing
+        hull = hull.without(Prism(face.lattice, face.outline, 0.0, False, 0.0), height)
+    return hull
 
 
 def _needed(

@@ -1,0 +1,69 @@
+"""A solid as a field on a grid: what the hull is carved out of."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+
+_MARGIN_VOXELS = 4.0  # around a prism in which the field follows it
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A solid.
+
+    Attributes:
+        field: (n, n, n) signed distance to its surface, inside positive.
+        origin: (3,) position of field[0, 0, 0], unit frame.
+        spacing: edge of a voxel, unit frame.
+    """
+
+    field: Field
+    origin: Array
+    spacing: float
+
+    def mesh(self) -> tuple[Array, NDArray[np.int64]]:
+        """Vertices (K, 3) and triangles (T, 3) of its surface, counter-clockwise seen from outside."""
+        from skimage.measure import marching_cubes
+
+        vertices, triangles, _, _ = marching_cubes(self.field, 0.0, gradient_direction="ascent")
+        return self.origin + self.spacing * vertices.astype(np.float64), triangles.astype(np.int64)
+
+    def scene(self) -> Scene:
+        """Its surface, to cast rays at."""
+        return Scene(*self.mesh())
+
+    def with_field(self, field: Field) -> "Volume":
+        """Another solid on the same grid."""
+        return replace(self, field=field)
+
+    def without(self, prism: Prism, margin: float) -> "Volume":
+        """What is left of it outside of a prism that is longer by `margin`; beyond a few voxels nothing changes."""
+        opened = self.field.copy()
+        part, points = self._box(prism, margin)
+        outside = prism.signed_distance(points, margin).reshape(opened[part].shape)
+        opened[part] = np.minimum(opened[part], outside)
+        return self.with_field(opened)
+
+    def _box(self, prism: Prism, margin: float) -> tuple[tuple[slice, ...], Array]:
+        """The part of the grid that holds a prism, and the positions (N, 3) of its nodes."""
+        origin, spacing, lattice = self.origin, self.spacing, prism.lattice
+        cells = lattice.centers()[prism.outline]
+        ends = []
+        for height in (margin, -prism.depth - (margin if prism.through else 0.0)):
+            drift = -height * np.asarray(prism.tilt)
+            ends.append(cells + height * lattice.normal + drift[0] * lattice.first + drift[1] * lattice.second)
+        corners = np.concatenate(ends)
+        reach = max(_MARGIN_VOXELS * spacing, 2 * lattice.pitch)
+        low = np.clip(np.floor((corners.min(axis=0) - reach - origin) / spacing).astype(int), 0, None)
+        shape = self.field.shape
+        high = np.minimum(np.ceil((corners.max(axis=0) + reach - origin) / spacing).astype(int) + 1, shape)
+        part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
+        return part, np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
