@@ -7,6 +7,7 @@ import pytest
 from brepgaussian.artifacts.stage1 import Surfels
 from brepgaussian.geometry import surfaces
 from brepgaussian.points import batchfit, pearl, simulate
+from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.batchfit import Noise, Sets
 from brepgaussian.points.bridges import joined
 from brepgaussian.points.curves import find_curves, project
@@ -151,7 +152,7 @@ def sample(surface, rng, count=60):
 def test_batch_evaluation_agrees_with_the_single_one(surface):
     points = np.random.default_rng(6).random((3, 20, 3))
     rows = np.tile(surfaces.surface_to_row(surface), (3, 1))
-    distance, normal = batchfit.evaluate(surface.kind, rows, points)
+    distance, normal = evaluate(surface.kind, rows, points)
     for b in range(3):
         np.testing.assert_allclose(distance[b], surface.signed_distance(points[b]), atol=1e-9)
         np.testing.assert_allclose(normal[b], surface.normals(points[b]), atol=1e-6)
@@ -165,7 +166,7 @@ def test_batch_fit_recovers_exact_pieces(surface, seed):
     normals = np.stack([surface.normals(p) for p in points])
     sets = Sets(points, normals, np.full_like(points, np.nan), np.ones(points.shape[:2]))
     rows = batchfit.fit(surface.kind, sets, Noise(0.002, 0.05), iterations=12)
-    distance, normal = batchfit.evaluate(surface.kind, rows, points)
+    distance, normal = evaluate(surface.kind, rows, points)
     assert np.median(np.abs(distance).max(1)) < 1e-4
     assert np.median(np.abs(normal - normals).max((1, 2))) < 5e-3
 

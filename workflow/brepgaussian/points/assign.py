@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.artifacts.stage1 import Evidence, Surfels
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
-from brepgaussian.points import batchfit
+from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.densify import Samples, densify
 from brepgaussian.points.features import label_by_features
 from brepgaussian.points.graph import Graph, Index, neighbour_pairs, spacing_of, thin
@@ -116,9 +116,7 @@ def spread(samples: Samples, node_xyz: Array, result: Labelling, spacing: float)
         if not len(rows):
             continue
         where = np.unique(rows)
-        d, n = batchfit.evaluate(
-            str(result.models.kinds[label]), result.models.rows[label][None], samples.xyz[where][None]
-        )
+        d, n = evaluate(str(result.models.kinds[label]), result.models.rows[label][None], samples.xyz[where][None])
         turn = ((n[0] - samples.normals[where]) ** 2).sum(1) / result.noise.normal**2
         value = 0.5 * np.minimum((d[0] / result.noise.distance) ** 2 + 0.3 * turn, 12.0)
         cost[rows, columns] = value[np.searchsorted(where, rows)]

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
 from brepgaussian.log import get_logger
 from brepgaussian.points import batchfit
+from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.bridges import joined
 from brepgaussian.points.graph import Graph, Index, compact, components
@@ -166,7 +167,7 @@ def surface_noise(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Noise
     for k, part in enumerate(parts):
         part = part[nodes.core[part]] if nodes.core[part].any() else part
         sets = nodes.sets(part[None], np.ones((1, len(part))))
-        d, m = batchfit.evaluate(str(models.kinds[k]), models.rows[k : k + 1], sets.points)
+        d, m = evaluate(str(models.kinds[k]), models.rows[k : k + 1], sets.points)
         distances.append(np.abs(d[0]))
         turns.append(np.linalg.norm(m[0] - sets.normals[0], axis=1))
         if shading is not None:
@@ -242,7 +243,7 @@ def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacin
         around = np.bincount(labels[close & (labels >= 0)], minlength=len(models.kinds)) > 0
         near = np.flatnonzero(close | (around[labels] & (labels >= 0)))
         sets = nodes.sets(near[None], np.ones((1, len(near))))
-        distance, normal = batchfit.evaluate(str(kind), row[None], sets.points)
+        distance, normal = evaluate(str(kind), row[None], sets.points)
         turn = ((normal[0] - nodes.normals[near]) ** 2).sum(1) / noise.normal**2
         value = 0.5 * ((distance[0] / noise.distance) ** 2 + believe[near] * turn)
         value += 0.5 * believe[near] * batchfit.shading_costs(str(kind), row[None], sets, noise)[0]
