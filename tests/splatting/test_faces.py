@@ -11,13 +11,10 @@ from brepgaussian.artifacts.views import read_views
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import Candidate
-from brepgaussian.splatting.faces.confirm import Face, confirm, over
-from brepgaussian.splatting.faces.flatten import _without_needed
+from brepgaussian.splatting.faces.confirm import confirm, over
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 
@@ -146,43 +143,6 @@ def test_a_face_runs_on_where_the_hull_hides_it_if_views_look_alike(alike):
     hidden = np.column_stack([rng.uniform([0.31, 0.33], [0.33, 0.67], (500, 2)), np.full(500, 0.5)])
     share = over(face.lattice, face.outline, hidden)[0].mean()
     assert share > 0.95 if alike else share < 0.3
-
-
-def test_a_face_ends_at_a_rib_that_silhouettes_show():
-    cameras = ring_of_cameras()
-    part = boxes([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.45, 0.2, 0.5], [0.5, 0.8, 0.7]])
-    hull = boxes([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.4, 0.2, 0.5], [0.55, 0.8, 0.7]])
-    scene = Scene(part.vertices, part.faces)
-    alpha = np.zeros((len(cameras), SIZE, SIZE), np.uint8)
-    rows, columns = np.mgrid[:SIZE, :SIZE] + 0.5
-    for view in range(len(cameras)):
-        center, rays = cameras.rays(view, np.column_stack([columns.ravel(), rows.ravel()]))
-        alpha[view] = 255 * scene.occluded(np.broadcast_to(center, rays.shape), rays).reshape(SIZE, SIZE)
-    spacing = 0.02
-    axis = spacing * np.arange(50)
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    field = np.full(len(grid), -1.0, np.float32)
-    for low, high in ([[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]], [[0.4, 0.2, 0.5], [0.55, 0.8, 0.7]]):
-        field = np.maximum(field, np.minimum(grid - low, np.array(high) - grid).min(axis=1))
-    volume = Volume(field.reshape(50, 50, 50), np.zeros(3), spacing)
-
-    z = np.array([0, 0, 1.0])
-    lattice = Lattice(np.array([0.2, 0.2, 0.5]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), z, 0.01, (60, 60))
-    views = SimpleNamespace(cameras=cameras, alpha=alpha)
-    outline = np.ones((60, 60), bool)
-    outline[20:35] = False
-    good = Face(lattice, outline, 0.0, 0.2)
-    samples = hull.sample(20000, seed=0)
-    carved, faces = _without_needed(views, volume, samples, [good])
-    assert faces[0] is good
-    over_rib = np.ones((60, 60), bool)
-    over_rib[20:24] = False  # masks let the face run on below most of the rib
-    over_rib[24:28, 40:] = False
-    carved, faces = _without_needed(views, volume, samples, [Face(lattice, over_rib, 0.0, 0.2)])
-    assert all(f.outline.sum() < over_rib.sum() for f in faces)
-    kept = (carved.field.reshape(-1) > 0) & (field > 0)
-    inside = scene.signed_distance(grid) < -spacing
-    assert (kept[inside & (grid[:, 2] > 0.6)]).mean() > 0.5
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,9 @@
 """Cut off what a hull has above the planar faces that the images confirm."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
@@ -23,10 +21,7 @@ Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
 _SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
 _OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
-_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none there
-_LEFT_SHARE = 0.8  # of a face after taking out what is needed above it; else there was no bulge at all
-_TRIMS = 3  # rounds of taking out of a face what is needed above it
-_TRIM_CELLS = 2  # of the face's lattice, around a sample that is needed
+_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
 _LARGER = 1.1  # than before, for a face to be cut again
@@ -95,40 +90,10 @@ def _flatten(
             continue
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
-    return _without_needed(views, hull, mesh[0], faces)
-
-
-def _without_needed(views: Views, hull: Volume, vertices: Array, faces: list[Face]) -> tuple[Volume, list[Face]]:
-    """The hull without what stands above the faces, as far as silhouettes can do without it.
-
-    Where masks let a face run on below a rib or into a fillet, it ends there; a dome with a planar rim is no bulge.
-    """
-    for _ in range(_TRIMS):
-        carved = _carve(hull, faces)
-        after = carved.scene()
-        kept: list[Face] = []
-        for face in faces:
-            within, needed = _needed(views, face, vertices, hull.spacing, after)
-            share = needed.sum() / max(within.sum(), 1)
-            if share <= _NEEDED_SHARE:
-                kept.append(face)
-            else:
-                trimmed = _trimmed(face, vertices[needed])
-                if trimmed.area > _LEFT_SHARE * face.area:
-                    kept.append(trimmed)
-        if len(kept) == len(faces) and all(a is b for a, b in zip(kept, faces, strict=True)):
-            return carved, kept
-        faces = kept
-    return _carve(hull, faces), faces
-
-
-def _trimmed(face: Face, needed: Array) -> Face:
-    """A face without the surroundings of points above it (N, 3)."""
-    cells = np.round(face.lattice.coordinates(needed)[0]).astype(int)
-    taken = np.zeros_like(face.outline)
-    taken[cells[:, 0], cells[:, 1]] = True
-    outline = face.outline & ~ndimage.binary_dilation(taken, iterations=_TRIM_CELLS)
-    return replace(face, outline=outline)
+    carved = _carve(hull, faces)
+    after = carved.scene()
+    kept = [f for f in faces if not _needed(views, f, mesh[0], hull.spacing, after)]
+    return (carved if len(kept) == len(faces) else _carve(hull, kept)), kept
 
 
 def _same(face: Face, other: Face, spacing: float) -> bool:
@@ -147,14 +112,14 @@ def _carve(hull: Volume, faces: list[Face]) -> Volume:
     return hull
 
 
-def _needed(
-    views: Views, face: Face, vertices: Array, spacing: float, after: Scene
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(K,) vertices of the hull that are cut off by a face, and (K,) those that silhouettes show."""
+def _needed(views: Views, face: Face, vertices: Array, spacing: float, after: Scene) -> bool:
+    """Whether silhouettes show what was cut off: a dome with a planar rim is no bulge."""
     within, heights = over(face.lattice, face.outline, vertices)
     within &= (heights > _LEAST_BULGE_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
     samples = vertices[within]
-    count = np.zeros(len(samples), int)
+    if not len(samples):
+        return False
+    needed = np.zeros(len(samples), int)
     height_px, width_px = views.alpha.shape[1:]
     for view, center in enumerate(views.cameras.centers):
         pixels = np.floor(views.cameras.project(view, samples)[0]).astype(int)
@@ -163,7 +128,5 @@ def _needed(
         opaque[inside] = views.alpha[view, pixels[inside, 1], pixels[inside, 0]] >= _OPAQUE
         ray = samples[opaque] - center
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        count[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
-    needed = within.copy()
-    needed[within] = count >= _NEEDED_VIEWS
-    return within, needed
+        needed[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
+    return bool((needed >= _NEEDED_VIEWS).mean() > _NEEDED_SHARE)
