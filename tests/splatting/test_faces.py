@@ -112,17 +112,14 @@ def test_holes_that_views_show_differently_do_not_spoil_the_plane(seed):
     assert np.degrees(np.arccos(min(aligned.normal[2], 1))) < 0.3
 
 
-def boxes(*extents):
-    """One mesh of boxes given by their corners."""
-    return trimesh.util.concatenate([trimesh.creation.box(bounds=b) for b in extents])
-
-
 @pytest.mark.parametrize("alike", [True, False])
 def test_a_face_runs_on_where_the_hull_hides_it_if_views_look_alike(alike):
     rng = np.random.default_rng(5)
     cameras = ring_of_cameras()
     masks = masks_of(cameras, SQUARE)
-    fill = boxes([[0.1, 0.1, 0.505], [0.42, 0.9, 0.75]])  # what silhouettes leave in an inner corner
+    fill = trimesh.creation.box(
+        bounds=[[0.1, 0.1, 0.505], [0.42, 0.9, 0.75]]
+    )  # what silhouettes leave in an inner corner
     points = rng.uniform([0.3, 0.3], [0.7, 0.7], (500, 2))
     height = np.where(points[:, 0] < 0.42, 0.75, 0.5)
     regions = dict.fromkeys(range(len(cameras)), 1)

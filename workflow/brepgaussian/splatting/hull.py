@@ -2,7 +2,6 @@
 
 import ctypes
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +9,11 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.splatting.concave import Images, Prism, open_channels, open_concavities
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.faces import Face, flatten_faces
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
-
-if TYPE_CHECKING:
-    from brepgaussian.splatting.concave import Prism
-    from brepgaussian.splatting.faces import Face
 
 _UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
 _MARGIN = 0.04  # of the unit frame, around the object's box
@@ -42,7 +39,7 @@ class Hull:
     triangles: NDArray[np.int64]
     normals: NDArray[np.float64]
     spacing: float
-    prisms: tuple["Prism", ...] = ()
+    prisms: tuple[Prism, ...] = ()
 
 
 def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -73,7 +70,7 @@ def carve(
     concavities: bool = False,
     noise: float = 0.0,
     patches: NDArray[np.integer] | None = None,
-) -> tuple[Hull, list["Face"]]:
+) -> tuple[Hull, list[Face]]:
     """Carve the visual hull on a grid of `resolution`^3 and mesh it.
 
     Args:
@@ -103,9 +100,6 @@ def carve(
     faces: list[Face] = []
     prisms: list[Prism] = []
     if patches is not None or concavities:
-        from brepgaussian.splatting.concave import Images, open_channels, open_concavities
-        from brepgaussian.splatting.faces import flatten_faces
-
         images = Images.of(views, noise)
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample)

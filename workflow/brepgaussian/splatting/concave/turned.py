@@ -59,10 +59,7 @@ class Axis:
         return np.linalg.norm(offset - height[:, None] * self.direction, axis=1), height
 
 
-def turn(
-    images: Images,
-    hull: Volume,
-) -> Volume:
+def turn(images: Images, hull: Volume) -> Volume:
     """The hull without the rings that are empty at some angle, by images of all views."""
     mesh = hull.mesh()
     axis = axis_of_rotation(*mesh, _NEAR_VOXELS * hull.spacing)

@@ -82,7 +82,8 @@ def confirm(
     outline = _outline(lattice, depth, bare)
     if outline.sum() * lattice.pitch**2 < (_DOUBTFUL_AREA if doubtful else 0.0) or not outline.any():
         return None
-    if not _is_level(stack, aligned, cells, stack.sample(cells, aligned.views, aligned.holes), bare, lattice.pitch):
+    values = depth if aligned.holes else stack.sample(cells, aligned.views, holes=False)
+    if not _is_level(stack, aligned, cells, values, bare, lattice.pitch):
         return None
     chosen = [stack.views[r] for r in aligned.views]
     even, crowded = evenness(images, lattice, outline, chosen, bare)

@@ -26,8 +26,8 @@ def evenness(
         lattice, outline: a face, and (R, C) the cells to look at.
         views: those that show it; seen: (len(views), R * C) which cells each one sees.
     """
-    border = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS
-    index = np.flatnonzero(border & outline)
+    inner = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS
+    index = np.flatnonzero(inner)
     grey = _grey(images, views, lattice.centers().reshape(-1, 3)[index], seen[:, index])
     told = np.isfinite(grey).sum(axis=0) >= _LEAST_COMPARED
     different = np.zeros(outline.shape, bool)

@@ -27,7 +27,6 @@ _ROUNDS = 2  # of looking again
 _LARGER = 1.1  # than before, for a face to be cut again
 _BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: the tighter hull is looked at again
 
-
 logger = get_logger("stage1")
 
 
