@@ -8,8 +8,9 @@ from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
+from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.join import joined
-from brepgaussian.splatting.concave.openings import Stack, openings
+from brepgaussian.splatting.concave.openings import Images, Stack, openings
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.hull import carve
@@ -144,3 +145,31 @@ def test_a_cross_hole_in_a_shaft_is_opened(tmp_path):
     closed = distance(False)
     assert closed > 0.015
     assert distance(True) < closed / 3
+
+
+def test_a_port_ends_in_its_pocket(tmp_path):
+    """A port through one wall shows background by way of the pocket."""
+    settings = ViewsSettings(rendered_views=40, image_size=500)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="housing", source="part", path="pocket_housing:4", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    hull, _ = carve(views, 100, 1, True)
+    distance = np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points))
+    by_face = {f: distance[truth.point_face == f] for f in range(len(truth.face_types))}
+    planes = [f for f, kind in enumerate(truth.face_types) if kind == "plane"]
+    outer = [f for f in planes if np.ptp(truth.points[truth.point_face == f], axis=0).max() > 0.9]
+    assert len(outer) >= 4
+    assert max(np.quantile(by_face[f], 0.98) for f in outer) < 0.01  # no hole in the wall behind the pocket
+
+
+def test_surfaces_that_no_place_tells_of_are_not_told_apart(tmp_path):
+    settings = ViewsSettings(rendered_views=8, image_size=120)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="block", source="part", path="block_hole:2", settings=settings, **files)
+    views = read_views(files["out_views"])
+    hull, _ = carve(views, 48, 1)
+    middle = hull.vertices.mean(axis=0)
+    scene, smaller = (Scene(middle + s * (hull.vertices - middle), hull.triangles) for s in (1.0, 0.98))
+    images = Images.of(views)
+    old, new, count = disagreements(images, scene, smaller, 0.5)  # no ray differs that much
+    assert (old, new, count) == (0.0, 0.0, 0)

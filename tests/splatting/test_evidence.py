@@ -97,6 +97,30 @@ def test_a_hole_that_a_sample_of_its_rays_does_not_show_is_no_countersink():
     assert opening.score(countersunk(opening, hole))[0] >= opening.score(hole)[0]
 
 
+def test_rays_at_a_rim_do_not_count_unless_that_leaves_too_few():
+    rng = np.random.default_rng(13)
+    start = rng.uniform(0, 40, (2000, 2))
+    blank = np.zeros((2000, 2)), np.full(2000, 90.0), np.arange(2000) % 5, np.zeros((2000, 0)), np.ones(2000, bool)
+    rays = Rays(start, *blank, np.zeros(2000))
+    for half, narrow in ((10, False), (1, True)):
+        outline = np.zeros((40, 40), bool)
+        outline[10:30, 20 - half : 20 + half] = True
+        opening = Opening(rays, 2000, outline, (20.0,), 1.5, breaks=False)
+        every = opening.costs(Shape(5.0))[1]
+        opening.keep_clear(1.0)
+        counted = opening.costs(Shape(5.0))[1]
+        low, high = np.array([8.5, 18.5 - half]), np.array([30.5, 20.5 + half])  # cells' centres are whole numbers
+        aside = np.maximum(low - start, start - high)
+        rim = (np.abs(aside.max(axis=1)) < 1.2) & (aside.min(axis=1) < -3)  # clear of corners, which are round
+        if narrow:
+            assert np.array_equal(counted, every)
+        else:
+            assert not counted[rim].any()
+            assert np.array_equal(counted[aside.max(axis=1) < -2], every[aside.max(axis=1) < -2])
+        opening.keep_clear(None)
+        assert np.array_equal(opening.costs(Shape(5.0))[1], every)
+
+
 def test_edges_and_open_channel_of_a_part(channel):
     views, truth = channel
     closed = carve(views, 96, 1)[0]

@@ -25,7 +25,8 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
         reach: rays on which they differ by less than this are left out.
 
     Returns:
-        Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays.
+        Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays (none where
+        no place is met by enough of them to tell anything).
     """
     views = images.views
     origins, directions, greys = [], [], []
@@ -49,6 +50,8 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
         points = origin[told] + distance[told, None] * direction[told]
         costs.append(_differences(points, facing[told], grey[told].astype(float), side, images.tolerance))
     lost = missing.sum() / max(changed.sum(), 1)
+    if not any(costs):  # not even rounding: nothing is told
+        return 0.0, 0.0, 0
     return costs[0], (1 - lost) * costs[1] + lost * _CAP, int(changed.sum())
 
 

@@ -3,6 +3,7 @@
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.sweep import straighten
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
@@ -38,9 +39,10 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         found = find_prisms(images, scene, hull.spacing, known)
         if not found:
             break
-        for prism in found:
-            hull = hull.without(prism, _MARGIN_CELLS * hull.spacing)
-        known += found
+        for prism in sorted(found, key=lambda p: p.through):  # what is blind may be what a hole leads to
+            margin = _MARGIN_CELLS * hull.spacing
+            known.append(shortened(images, hull, prism, margin))
+            hull = hull.without(known[-1], margin)
         scene = hull.scene()
     for prism in find_curved(images, scene, hull.spacing, known):
         hull = hull.without(prism, _MARGIN_CELLS * hull.spacing)

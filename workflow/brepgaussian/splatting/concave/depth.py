@@ -58,9 +58,10 @@ def measure(
         return None
     opening = Opening(every, _SEARCH_RAYS, outline, ends, tolerance, breaks)
     rim = Opening(every, _RIM_RAYS, outline, ends, tolerance, breaks)
-    best = _refine(rim, best_depth(opening, _DEPTHS))
+    best = _again(opening, rim, _refine(rim, best_depth(opening, _DEPTHS)))
     few = Opening(every, _FEW_RAYS, outline, ends, tolerance, breaks)
     best = _leaning(opening, rim, few, best)
+    opening.keep_clear(best.grow)
     disagreeing, error = opening.score(best)
     closed = opening.closed()
     deep = best.through or best.depth - opening.face > _DEEP
@@ -84,6 +85,15 @@ def measure(
         endless,
     )
     return prism, gain
+
+
+def _again(opening: Opening, rim: Opening, best: Shape) -> Shape:
+    """The depth sought once more with the walls found: walls that are off, and blur, hide it."""
+    opening.keep_clear(best.grow)
+    deeper = best_depth(opening, _DEPTHS, best)
+    sure = opening.advantage(opening.costs(best), opening.costs(deeper)) > SURE
+    opening.keep_clear(None)
+    return _refine(rim, deeper) if sure else best
 
 
 def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape:

@@ -6,7 +6,9 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
 from brepgaussian.splatting.concave.rays import Rays, exits
 
@@ -18,10 +20,12 @@ SHALLOWEST = 3.0  # cells
 _DEEPER = 0.005  # of the range of disagreement: price of each doubling of the depth, against drifting on a plateau
 SURE = 4.0  # standard errors by which a deeper floor must explain the rays better
 _NOTHING = 1e-9
-_RESTING = 0.8  # of the rays that reach a floor
+_RESTING = 0.3  # of the rays that reach a floor: a shoulder is the rim of a narrower hole
 _MOST_PLACE_CELLS = 8.0
 _UNIT_CELLS = 3  # rays of one view this close to each other err together
 FINEST = 0.25  # cells
+_MIXED_CELLS = 1.5  # a pixel this near to a rim shows both sides of it
+_LEAST_CLEAR = 0.3  # of the rays through an opening are clear of its rim; else, in a narrow slot, all count
 
 
 @dataclass(frozen=True)
@@ -68,15 +72,31 @@ class Opening:
         self.price = 0.0  # of each doubling of the depth
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
         self._scores: dict[tuple[Shape, bool], tuple[float, float]] = {}
+        self.keep_clear(None)
         places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
         self._units = np.unique(places, axis=0, return_inverse=True)[1].ravel()
 
     def costs(self, shape: Shape, even: bool = False) -> Costs:
         """(N,) disagreement of the rays, (N,) which of them are told."""
         sheared, found = self._traced(shape)
-        return disagreement(
-            sheared, found, shape.depth, self.tolerance, shape.through, PLACE_CELLS if even else self.side, even
-        )
+        side = PLACE_CELLS if even else self.side
+        against, told = disagreement(sheared, found, shape.depth, self.tolerance, shape.through, side, even)
+        return against, told & self._counted
+
+    def keep_clear(self, grow: float | None) -> None:
+        """Let rays that enter at the rim of the outline, moved outwards, not count; None: all count.
+
+        They tell where the rim is, but of what lies below they tell nothing.
+        """
+        self._scores.clear()
+        self._counted = np.ones(len(self.rays), bool)
+        if grow is None:
+            return
+        entry = self.rays.start + self.rays.entry[:, None] * self.rays.sideways
+        beyond = ndimage.map_coordinates(signed_outline(self.outline), entry.T, order=1, mode="nearest") - grow
+        clear, inside = np.abs(beyond) > _MIXED_CELLS, beyond < 0
+        if (clear & inside).sum() >= _LEAST_CLEAR * inside.sum():
+            self._counted = clear
 
     def _traced(self, shape: Shape) -> tuple[Rays, Array]:
         """The rays in the frame of a shape's walls, and (N,) where they meet these."""
@@ -102,7 +122,9 @@ class Opening:
 
     def closed(self) -> float:
         """Disagreement on the lid, were there no concavity."""
-        return summary(*disagreement(self.rays, np.full(len(self.rays), -1.0), 0.0, self.tolerance, side=self.side))[0]
+        lid = np.full(len(self.rays), -1.0)
+        against, told = disagreement(self.rays, lid, 0.0, self.tolerance, side=self.side)
+        return summary(against, told & self._counted)[0]
 
     def rim_cost(self, shape: Shape) -> float:
         """Disagreement where each place has one grey."""

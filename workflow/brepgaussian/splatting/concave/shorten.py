@@ -1,0 +1,60 @@
+"""Holes that end where they leave the first wall: a port into a pocket need not go on through the wall behind it.
+
+What shows through a port may have come in by the pocket. Only the wall behind tells whether it is open too.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.rays import crossings_of
+from brepgaussian.splatting.concave.volume import Volume
+
+_FIRST_WALL = 0.9  # of the opening lies before the end of a hole through its first wall
+_ROOM_VOXELS = 3.0  # between two walls, and thickness of the second
+_GAIN = 0.8  # the hole in the wall behind leaves at most this share of the disagreement
+
+logger = log.get_logger("stage1")
+
+
+def shortened(images: Images, hull: Volume, prism: Prism, margin: float) -> Prism:
+    """A hole through all walls of a hull, or through the first one if the images speak no better for more.
+
+    Args:
+        images: of all views.
+        hull: with all other concavities of its level carved.
+        prism: a concavity; what does not go through stays as it is.
+        margin: by which it is cut longer.
+    """
+    end = _first_end(hull, prism) if prism.through else None
+    if end is None:
+        return prism
+    short = replace(prism, depth=end)
+    first, both = hull.without(short, margin), hull.without(prism, margin)
+    old, new, count = disagreements(images, first.scene(), both.scene(), 2 * hull.spacing)
+    on = count > 0 and new <= _GAIN * old
+    logger.info(
+        "hole through the first wall only (%.4f): views disagree by %.2f, by %.2f if it goes on, %d rays%s",
+        end, old, new, count, ": it does" if on else "",
+    )  # fmt: skip
+    return prism if on else short
+
+
+def _first_end(hull: Volume, prism: Prism) -> float | None:
+    """Depth at which a hole has left the first wall, if there is room and another wall behind it."""
+    lattice, room = prism.lattice, _ROOM_VOXELS * hull.spacing
+    cells = lattice.centers()[prism.outline]
+    ray = -lattice.normal + prism.tilt[0] * lattice.first + prism.tilt[1] * lattice.second
+    crossings, inside = crossings_of(hull.scene(), cells, np.broadcast_to(ray, cells.shape), lattice.pitch)
+    if crossings.shape[1] < 3:
+        return None
+    out, again, back = (crossings[:, k] * lattice.pitch for k in range(3))
+    with np.errstate(invalid="ignore"):
+        behind = inside & np.isfinite(back) & (again - out > room) & (np.minimum(back, prism.depth) - again > room)
+    if behind.mean() < 1 - _FIRST_WALL or not behind.any():
+        return None
+    return float(np.quantile(out[behind], _FIRST_WALL)) + lattice.pitch
