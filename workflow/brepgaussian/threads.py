@@ -3,6 +3,8 @@
 import os
 import sys
 
+from threadpoolctl import threadpool_limits
+
 _VARIABLES = (
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -13,9 +15,14 @@ _VARIABLES = (
 
 
 def bind(threads: int) -> None:
-    """Limit OpenMP, BLAS, OpenCV and torch to `threads`; libraries imported later read the environment."""
+    """Limit OpenMP, BLAS, OpenCV and torch to `threads`, in this process and those that it starts.
+
+    Libraries imported later read the environment; those that are there already (Snakemake's own script preamble
+    imports numpy) are told so. Sums of a BLAS depend on its threads: unbound, results would depend on the machine.
+    """
     for variable in _VARIABLES:
         os.environ[variable] = str(threads)
+    threadpool_limits(limits=threads)
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(threads)
     if "cv2" in sys.modules:
