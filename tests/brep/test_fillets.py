@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from brepgaussian.brep.fillets import rounded, touching
+from brepgaussian.brep.fillets import rolling, rounded, touching
 from brepgaussian.brep.patches import Patch
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus
 
@@ -59,3 +59,68 @@ def test_chamfers_and_tori_without_neighbours_stay():
     assert rounded(rounded(patches, 0.001), 0.001) is None
     patches[1] = replace(patches[1], surface=cone(MIDDLE, AXIS, RADIUS + TUBE, np.pi / 4))
     assert rounded(patches, 0.001) is None
+
+
+@pytest.mark.parametrize("convex", [True, False])
+def test_the_rolling_cylinder_touches_both_planes_on_the_right_side(convex):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        first, second = (plane(MIDDLE + rng.uniform(-0.1, 0.1, 3), rng.normal(size=3)) for _ in range(2))
+        found = rolling(first, second, TUBE if convex else -TUBE)
+        for wall in (first, second):
+            assert found.axis @ wall.axis == pytest.approx(0, abs=1e-12)
+            contact = wall.project(found.origin[None])
+            np.testing.assert_allclose(found.signed_distance(contact), 0, atol=1e-9)
+            np.testing.assert_allclose(found.normals(contact)[0], wall.axis, atol=1e-9)
+            assert (wall.signed_distance(found.origin[None])[0] < 0) == convex
+
+
+def corner(rng, radius=0.09):
+    """Two walls of a pocket (normals into the pocket), and the quarter cylinder between them, fitted badly."""
+    low = MIDDLE - 0.3
+    walls = [plane(low, np.eye(3)[0]), plane(low, np.eye(3)[1])]
+    along, t = rng.uniform(0, 0.3, (3, 1500)), rng.uniform(0, 1, (3, 1500))
+    turn = np.pi + t[2] * np.pi / 2
+    axis = low + np.array([radius, radius, 0])
+    round_ = axis + np.column_stack([radius * np.cos(turn), radius * np.sin(turn), along[2]])
+    spots = [
+        low + np.column_stack([0 * t[0], radius + 0.4 * t[0], along[0]]),
+        low + np.column_stack([radius + 0.4 * t[1], 0 * t[1], along[1]]),
+        round_ + rng.normal(0, 0.001, round_.shape),
+    ]
+    right = cylinder(axis, AXIS, radius, True)
+    wrong = cylinder(axis + 0.004, AXIS + np.array([0.02, 0, 0]), radius + 0.003, True)
+    made = zip([*walls, wrong], [*walls, right], spots, strict=True)
+    return [Patch(s, i, xyz, r.normals(xyz), 0.02, 0.002) for i, (s, r, xyz) in enumerate(made)], right
+
+
+def test_the_corner_of_a_pocket_touches_its_walls():
+    patches, right = corner(np.random.default_rng(5))
+    found = rounded(patches, 0.001)
+    assert found[:2] == patches[:2]
+    surface = found[2].surface
+    assert surface.flipped
+    assert surface.radius == pytest.approx(right.radius, abs=5e-4)
+    assert abs(surface.axis @ AXIS) == pytest.approx(1, abs=1e-9)
+    assert rounded(patches[:1] + patches[2:], 0.001) is None  # one wall is no corner
+
+
+def test_the_end_of_a_slot_is_as_wide_as_the_slot():
+    rng = np.random.default_rng(6)
+    width, t, z = 0.1, rng.uniform(0, 1, (3, 1500)), rng.uniform(0, 0.1, (3, 1500))
+    walls = [
+        plane(MIDDLE - [0, width / 2, 0], np.eye(3)[1]),
+        plane(MIDDLE + np.array([0, width / 2, 0]), -np.eye(3)[1]),
+    ]
+    turn = np.pi / 2 + np.pi * t[2]
+    right = cylinder(MIDDLE, AXIS, width / 2, True)
+    spots = [
+        *(w.origin + np.column_stack([0.3 * t[k], 0 * t[k], z[k]]) for k, w in enumerate(walls)),
+        MIDDLE + np.column_stack([width / 2 * np.cos(turn), width / 2 * np.sin(turn), z[2]]),
+    ]
+    wrong = cylinder(MIDDLE + np.array([0.003, 0.002, 0]), AXIS + np.array([0, 0.02, 0]), 0.055, True)
+    made = zip([*walls, wrong], [*walls, right], spots, strict=True)
+    patches = [Patch(s, i, xyz, r.normals(xyz), 0.02, 0.003) for i, (s, r, xyz) in enumerate(made)]
+    surface = rounded(patches, 0.001)[2].surface
+    assert surface.radius == pytest.approx(width / 2)
+    np.testing.assert_allclose(surface.signed_distance(spots[2]), 0, atol=1e-4)

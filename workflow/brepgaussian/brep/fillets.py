@@ -1,24 +1,29 @@
-"""Fillets between a cylinder and a plane across its axis, made to touch both.
+"""Fillets made to touch the two faces that they round off.
 
-Silhouettes cut an inner fillet's hull into facets, so its points know its radius badly and its axis not at all. A torus
-that touches a coaxial cylinder and the plane has one free parameter: the radius of its tube.
+Silhouettes cut an inner fillet's hull into facets, so its points know its radius badly and its axis not at all. What
+touches both neighbours has one free parameter, its radius: a torus between a coaxial cylinder and a plane, a cylinder
+between two planes (an edge, or the corner of a pocket). The round end of a slot has even less, its place.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.patches import Patch, touch
-from brepgaussian.geometry.surfaces import Surface, torus
+from brepgaussian.geometry.surfaces import Surface, cylinder, torus, unit
 
 _TOUCH = 3.0  # of reach: patches this near to each other are neighbours
 _ACROSS = np.cos(np.radians(5.0))  # between the cylinder's axis and the plane's normal
 _ALONG = np.cos(np.radians(8.0))  # between the cylinder's axis and the patch's own
+_ALONG_WALL = np.sin(np.radians(8.0))  # between the normal of a plane that a cylinder rounds off and its axis
 _LEAST, _MOST = 0.01, 0.9  # tube's radius over the cylinder's
-_SAME = 1e-4  # unit frame: tori nearer than this are one, a thirtieth of a pixel
+_LIKE = 3.0  # times its own radius, up or down, that the cylinder between two planes may have
+_PARALLEL = np.cos(np.radians(5.0))  # between two planes that are the walls of a slot
+_SAME = 1e-4  # unit frame: surfaces nearer than this are one, a thirtieth of a pixel
 _WORSE = 3.0  # times its present residual, or noises, that the patch may have on its fillet
 
 
@@ -26,11 +31,12 @@ def rounded(patches: Sequence[Patch], noise: float) -> list[Patch] | None:
     """The patches with every fillet made to touch its neighbours; None if there is none to change."""
     result = list(patches)
     for i, patch in enumerate(patches):
-        if patch.surface.kind != "torus":
+        makers = {"torus": _fillets, "cylinder": _roundings}.get(patch.surface.kind)
+        if makers is None:
             continue
         tree = cKDTree(patch.xyz)
         beside = [p for k, p in enumerate(patches) if k != i and touch(p, patch, _TOUCH, tree)]
-        found = [f for f in _fillets(patch, beside) if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)]
+        found = [f for f in makers(patch, beside) if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)]
         if found:
             surface = min(found, key=lambda f: f.rms(patch.xyz))
             if float(np.abs(surface.signed_distance(patch.surface.project(patch.xyz))).max()) > _SAME:
@@ -54,8 +60,67 @@ def _fillets(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
 
                 minor = float(minimize_scalar(cost, bounds=limits, method="bounded").x)
                 surface = touching(wall, floor, sign * minor)
-                if float(np.median(np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals))) > 0:
+                if _faces(surface, patch):
                     yield surface
+
+
+def _roundings(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
+    """The best cylinder for every pair of planes beside a patch, its axis along both."""
+    walls = [p.surface for p in beside if p.surface.kind == "plane"]
+    walls = [w for w in walls if abs(float(w.axis @ patch.surface.axis)) < _ALONG_WALL]
+    for first, second in combinations(walls, 2):
+        if abs(float(first.axis @ second.axis)) > _PARALLEL:
+            if float(first.axis @ second.axis) < 0:
+                yield from _slot_end(patch, first, second)
+            continue
+        if abs(float(unit(np.cross(first.axis, second.axis)) @ patch.surface.axis)) < _ALONG:
+            continue
+        for sign in (-1, 1):
+            limits = (patch.surface.radius / _LIKE, patch.surface.radius * _LIKE)
+
+            def cost(radius: float, first: Surface = first, second: Surface = second, sign: int = sign) -> float:
+                return rolling(first, second, sign * radius).rms(patch.xyz)
+
+            radius = float(minimize_scalar(cost, bounds=limits, method="bounded").x)
+            surface = rolling(first, second, sign * radius)
+            if _faces(surface, patch):
+                yield surface
+
+
+def _slot_end(patch: Patch, first: Surface, second: Surface) -> Iterator[Surface]:
+    """The half cylinder between two parallel walls that is nearest to a patch."""
+    normal = unit(first.axis - second.axis)
+    radius = abs(float((second.origin - first.origin) @ normal)) / 2
+    if not patch.surface.radius / _LIKE < radius < patch.surface.radius * _LIKE:
+        return
+    axis = unit(patch.surface.axis - (patch.surface.axis @ normal) * normal)
+    middle = patch.surface.origin + ((first.origin + second.origin) / 2 - patch.surface.origin) @ normal * normal
+    along = np.cross(axis, normal)
+
+    def end(shift: float) -> Surface:
+        return cylinder(middle + shift * along, axis, radius, patch.surface.flipped)
+
+    shift = minimize_scalar(lambda t: end(float(t)).rms(patch.xyz), bounds=(-radius, radius), method="bounded").x
+    if _faces(end(float(shift)), patch):
+        yield end(float(shift))
+
+
+def _faces(surface: Surface, patch: Patch) -> bool:
+    """Whether a surface's outward side is the one that the patch's points show."""
+    return float(np.median(np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals))) > 0
+
+
+def rolling(first: Surface, second: Surface, radius: float) -> Surface:
+    """The cylinder that touches two planes, along the line in which they meet.
+
+    Args:
+        first, second: planes that are not parallel.
+        radius: signed, positive on a convex edge: the axis lies in the material, `radius` below both faces.
+    """
+    along = np.cross(first.axis, second.axis)
+    heights = [float(p.origin @ p.axis) - radius for p in (first, second)]
+    start = np.linalg.solve(np.array([first.axis, second.axis, along]), [*heights, float(along @ first.origin)])
+    return cylinder(start, unit(along), abs(radius), radius < 0)
 
 
 def touching(wall: Surface, floor: Surface, minor: float) -> Surface:

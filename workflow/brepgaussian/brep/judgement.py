@@ -13,7 +13,9 @@ _PX_SLACK = 0.01  # of the worst edge's silhouette residual: less than that is n
 _IOU_SLACK = 5e-5
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
 _HALF = 0.5
-_WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler
+_WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler,
+_MORE_POINTS = 0.02  # or of all points that it explains besides,
+_NO_WORSE = 1.05  # times the badness, if the images hardly tell the two apart
 
 
 def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
@@ -37,13 +39,25 @@ def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
 
 
 def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:
-    """Why a solid that is no simpler is not worth it: the images must like it much better."""
+    """Why a solid that is no simpler is not worth it: the images must like it much better, or no less if points do."""
     if old.report.get("accepted") and not new.report.get("accepted"):
         return "the images do not accept it"
     if new.report.get("accepted") and not old.report.get("accepted"):
         return ""
     after, before = badness(new.report, settings), badness(old.report, settings)
-    return "" if after < _WORTH * before else f"the images agree little better ({after:.1f} for {before:.1f} limits)"
+    telling = explains_more(new.attempt, old.attempt) and (new.report.get("accepted") or after <= _NO_WORSE * before)
+    better = after < _WORTH * before or telling
+    return "" if better else f"the images agree little better ({after:.1f} for {before:.1f} limits)"
+
+
+def explains_more(new: Attempt, old: Attempt) -> bool:
+    """Whether a solid without doubts explains points that another one leaves out: pockets that no silhouette shows."""
+    return not new.verdict.doubts and new.verdict.on_solid > old.verdict.on_solid + _MORE_POINTS
+
+
+def leaves_points(attempt: Attempt) -> bool:
+    """Whether a solid leaves more points out than another explanation needs to be worth a try."""
+    return attempt.verdict.on_solid < 1 - _MORE_POINTS
 
 
 def lost_edges(attempt: Attempt, old: Polished) -> int:

@@ -16,6 +16,7 @@ from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished
+from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.simplify import Change, applied
@@ -69,11 +70,16 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
-    """Jobs of other explanations of the points: without skins, with smooth fillets, afresh (`primitives.afresh`)."""
+    """Jobs of other explanations of the points: without skins, with smooth fillets, with straight profiles, afresh."""
     yield from bared(job)
     smooth = rounded(job.patches, primitives.sigma)
     if smooth is not None:
         yield replace(job, patches=tuple(smooth))
+    straight = straightened(job.patches)
+    if straight:
+        apart = applied(job, straight)
+        yield from bared(apart)
+        yield apart
     for other in alternatives(points, primitives, PrimitivesSettings()):
         afresh = _job(points, other, job.silhouettes, job.settings)
         yield from bared(afresh)

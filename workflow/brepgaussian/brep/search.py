@@ -8,7 +8,7 @@ import numpy as np
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import against, short_of, size
+from brepgaussian.brep.judgement import against, leaves_points, short_of, size
 from brepgaussian.brep.polish import Polished, badness, polish
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
@@ -75,10 +75,8 @@ class Search:
         They are tried where no solid is without doubts, or the images refuse it.
         """
         winner: Search = self
-        if best is not None and not best.attempt.verdict.doubts and best.report.get("accepted") is not False:
-            return self, best
         for job in self.others:
-            if self.budget.spent:
+            if self.budget.spent or (best is not None and _beyond_doubt(best)):
                 break
             if best is not None and _hopeless(job, best):
                 continue
@@ -205,9 +203,15 @@ class Search:
         return Trials(self.worker, self.views, self.job, rung, best, left).run()
 
 
+def _beyond_doubt(best: Polished) -> bool:
+    """Whether neither the points nor the images have anything against a solid."""
+    return not best.attempt.verdict.doubts and best.report.get("accepted") is not False
+
+
 def _hopeless(job: Job, best: Polished) -> bool:
-    """Whether an explanation with as many surfaces as faces of an accepted solid is not worth a try."""
-    return bool(best.report.get("accepted")) and len(job.patches) >= best.attempt.verdict.faces
+    """Whether an explanation with as many surfaces as faces of an accepted solid of all points is not worth a try."""
+    known = bool(best.report.get("accepted")) and not leaves_points(best.attempt)
+    return known and len(job.patches) >= best.attempt.verdict.faces
 
 
 def _worse(new: Polished, old: Polished | None, settings: BrepSettings) -> str:

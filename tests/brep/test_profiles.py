@@ -1,0 +1,64 @@
+"""Two straight faces of revolution under one label, against the surfaces that their points were taken from."""
+
+import numpy as np
+import pytest
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.profiles import straightened
+from brepgaussian.geometry.fit import fit_robust
+from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus, unit
+
+NOISE = 0.001
+
+
+def turned(surface, axis, middle, radii, heights, count, rng):
+    """Noisy points and normals on a surface of revolution about an axis."""
+    first = unit(np.cross(axis, [0.3, 0.5, 0.8]))
+    second = np.cross(axis, first)
+    share, angle = rng.uniform(0, 1, count), rng.uniform(0, 2 * np.pi, count)
+    r, z = (low + share * (high - low) for low, high in (radii, heights))
+    xyz = middle + r[:, None] * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second) + z[:, None] * axis
+    normals = surface.normals(xyz)
+    return xyz + rng.normal(0, NOISE, xyz.shape), normals + rng.normal(0, 0.05, normals.shape)
+
+
+def as_torus(xyz, normals, about):
+    return Patch(about, 3, xyz, normals, 0.02, about.rms(xyz))
+
+
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_a_countersink_and_its_throat_come_apart(seed):
+    rng = np.random.default_rng(seed)
+    axis, middle = unit(rng.normal(size=3)), rng.uniform(0.4, 0.6, 3)
+    sink = cone(middle, axis, 0.05, np.radians(45), flipped=True)
+    throat = cylinder(middle, axis, 0.05, flipped=True)
+    parts = [
+        turned(sink, axis, middle, (0.05, 0.09), (0, 0.04), 500, rng),
+        turned(throat, axis, middle, (0.05, 0.05), (-0.04, 0), 220, rng),
+    ]
+    xyz, normals = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+    arc = torus(middle - 0.045 * axis, axis, 0.13, 0.085, flipped=False)  # through both, and leaning
+    leaning = torus(arc.origin, unit(axis + 0.03 * rng.normal(size=3)), arc.radius, arc.minor, arc.flipped)
+    face = plane(middle + 0.04 * axis, axis)
+    top = turned(face, axis, middle, (0.09, 0.2), (0.04, 0.04), 800, rng)
+    patches = [Patch(face, 0, *top, 0.02, NOISE), as_torus(xyz, normals, leaning)]
+    (change,) = straightened(patches)
+    assert change.gone == (1,)
+    assert len({0, *(p.primitive for p in change.new)}) == 3
+    by_kind = {p.surface.kind: p.surface for p in change.new}
+    assert set(by_kind) == {"cone", "cylinder"}
+    assert by_kind["cylinder"].radius == pytest.approx(0.05, abs=0.001)
+    assert np.degrees(by_kind["cone"].angle) == pytest.approx(45, abs=2.5)
+    for surface, (points, directions) in zip((by_kind["cone"], by_kind["cylinder"]), parts, strict=True):
+        assert surface.rms(points) < 2 * NOISE
+        assert (np.einsum("ij,ij->i", surface.normals(points), directions) > 0.8).mean() > 0.95
+
+
+@pytest.mark.parametrize("seed", [41, 42])
+def test_a_fillet_stays_a_torus(seed):
+    rng = np.random.default_rng(seed)
+    angle, turn = rng.uniform(0, np.pi / 2, 1500), rng.uniform(0, 2 * np.pi, 1500)
+    r, z = 0.25 - 0.05 * np.cos(angle), 0.05 - 0.05 * np.sin(angle)
+    xyz = np.column_stack([r * np.cos(turn), r * np.sin(turn), z]) + rng.normal(0, NOISE, (1500, 3))
+    fillet = torus(np.array([0, 0, 0.05]), np.array([0, 0, 1.0]), 0.25, 0.05, True)
+    surface = fit_robust("torus", xyz, fillet.normals(xyz), NOISE)[0]
+    assert straightened([as_torus(xyz, surface.normals(xyz), surface)]) == []

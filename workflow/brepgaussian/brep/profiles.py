@@ -1,0 +1,125 @@
+"""Tori that are two straight faces of revolution under one label, such as a countersink and its throat.
+
+A narrow cone and the short cylinder below it have one grey, and the points round off the edge between them: a torus
+explains both. Two straight pieces of the profile - distance from the axis over height - explain it as well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.patches import Patch, touch
+from brepgaussian.brep.simplify import Change
+from brepgaussian.geometry.surfaces import Surface, cone, cylinder, plane
+
+Array = NDArray[np.float64]
+
+_TOUCH = 3.0  # of reach: patches this near to each other are neighbours
+_ALONG = np.cos(np.radians(8.0))  # between the torus's axis and the normal of a plane beside it, which knows it better
+_AS_WELL = 1.1  # residuals of two lines over the torus's: .9-1.0 for countersinks, from 1.2 for fillets
+_LEAST_SHARE = 0.1  # of the points on each piece
+_LEAST_POINTS = 20
+_LEAST_TURN = np.radians(10.0)  # between the pieces
+_SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, is a cylinder or a plane
+
+
+def straightened(patches: Sequence[Patch]) -> list[Change]:
+    """One change for every torus that is two straight pieces: a patch for each of them in its place."""
+    result: list[Change] = []
+    number = max((p.primitive for p in patches), default=0) + 1
+    for i, patch in enumerate(patches):
+        if patch.surface.kind != "torus":
+            continue
+        pieces = _pieces(patch, [p for k, p in enumerate(patches) if k != i])
+        if pieces is not None:
+            kinds = " and ".join(p.surface.kind for p in pieces)
+            new = (pieces[0], replace(pieces[1], primitive=number + len(result)))
+            result.append(Change(f"patch {patch.primitive} as {kinds}", (i,), new))
+    return result
+
+
+def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None:
+    """The two straight pieces of a torus, or None if its profile is rather an arc."""
+    axis, through = _axis(patch, others)
+    offset = patch.xyz - through
+    height = offset @ axis
+    radial = offset - height[:, None] * axis
+    radius = np.linalg.norm(radial, axis=1)
+    slope = np.column_stack(
+        [np.einsum("ij,ij->i", patch.normals, radial) / np.maximum(radius, 1e-9), patch.normals @ axis]
+    )
+    profile = np.column_stack([radius, height])  # (N, 2)
+    order = _along(profile, slope)
+    profile, slope = profile[order], slope[order]
+    count = len(order)
+    least = max(int(_LEAST_SHARE * count), _LEAST_POINTS)
+    if count < 2 * least:
+        return None
+    before, after = _misfits(profile), _misfits(profile[::-1])[::-1]
+    at = least + int(np.argmin(before[least - 1 : count - least] + after[least : count - least + 1]))
+    if np.sqrt((before[at - 1] + after[at]) / count) > _AS_WELL * patch.surface.rms(patch.xyz):
+        return None
+    found = []
+    for part in (slice(0, at), slice(at, count)):
+        index = order[part]
+        surface = _straight(profile[part], slope[part], through, axis)
+        sigma = surface.rms(patch.xyz[index])
+        found.append(replace(patch, surface=surface, xyz=patch.xyz[index], normals=patch.normals[index], sigma=sigma))
+    middles = [slope[:at].mean(axis=0), slope[at:].mean(axis=0)]
+    turn = np.arctan2(*middles[0]) - np.arctan2(*middles[1])
+    return (found[0], found[1]) if abs(np.angle(np.exp(1j * turn))) > _LEAST_TURN else None
+
+
+def _axis(patch: Patch, others: Sequence[Patch]) -> tuple[Array, Array]:
+    """Unit direction (3,) of the axis and a point (3,) on it, which the points' normals meet."""
+    direction = patch.surface.axis
+    tree = cKDTree(patch.xyz)
+    beside = [
+        p for p in others
+        if p.surface.kind == "plane" and abs(p.surface.axis @ direction) > _ALONG and touch(p, patch, _TOUCH, tree)
+    ]  # fmt: skip
+    if beside:
+        best = max(beside, key=lambda p: len(p.xyz)).surface.axis
+        direction = best if best @ direction > 0 else -best
+    flat = np.eye(3) - np.outer(direction, direction)
+    across = np.cross(direction, patch.normals)  # (N, 3) an axis through c meets the normal at x: (x - c) . across = 0
+    design = across @ flat
+    moved = np.linalg.lstsq(design, np.einsum("ij,ij->i", patch.xyz - patch.surface.origin, across), rcond=1e-6)[0]
+    return direction, patch.surface.origin + flat @ moved
+
+
+def _along(profile: Array, slope: Array) -> NDArray[np.intp]:
+    """Order of points along a profile that bends one way: across the mean normal."""
+    mean = slope.mean(axis=0)
+    return np.argsort(profile @ np.array([-mean[1], mean[0]]), kind="stable")
+
+
+def _misfits(profile: Array) -> Array:
+    """(N,) squared residuals of the best line through the first k + 1 points, for every k."""
+    x, y = (profile - profile.mean(axis=0)).T
+    count = np.arange(1, len(x) + 1)
+    sx, sy = np.cumsum(x), np.cumsum(y)
+    xx = np.cumsum(x * x) - sx * sx / count
+    yy = np.cumsum(y * y) - sy * sy / count
+    xy = np.cumsum(x * y) - sx * sy / count
+    return np.asarray(np.maximum((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy), 0))
+
+
+def _straight(profile: Array, slope: Array, through: Array, axis: Array) -> Surface:
+    """The plane, cylinder or cone whose profile is the best line through points (N, 2) with normals (N, 2)."""
+    middle = profile.mean(axis=0)
+    along = np.linalg.svd(profile - middle, full_matrices=False)[2][0]
+    normal = np.array([-along[1], along[0]])
+    normal *= np.sign(normal @ slope.mean(axis=0)) or 1.0
+    center = through + middle[1] * axis
+    tilt = np.arcsin(min(abs(normal[1]), 1.0))  # 0 for a cylinder
+    if tilt > np.pi / 2 - _SQUARE:
+        return plane(center, np.sign(normal[1]) * axis)
+    flipped = bool(normal[0] < 0)
+    if tilt < _SQUARE:
+        return cylinder(center, axis, middle[0], flipped)
+    widens = axis if (along[0] * along[1] > 0) else -axis
+    return cone(center, widens, middle[0], tilt, flipped)
