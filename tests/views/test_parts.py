@@ -39,7 +39,7 @@ def test_face_kinds_are_the_five_that_primitives_know():
         assert set(types(build_part(name))) <= known, name
 
 
-COMBINED = [name for name, info in PARTS.items() if info.module in ("machine", "fixture")]
+COMBINED = [name for name, info in PARTS.items() if info.module in ("machine", "fixture", "casting")]
 
 
 @pytest.mark.parametrize("name", COMBINED)
@@ -133,10 +133,33 @@ def test_a_cover_lid_has_the_volume_of_the_formula():
     assert build_part("cover_lid").volume == pytest.approx(solid, rel=1e-9)
 
 
+CASTING = {"pump_cover": 17, "yoke_end": 17, "cam_disk": 11, "window_frame": 31, "spray_nozzle": 17}
+
+
+@pytest.mark.parametrize("name", CASTING)
+def test_castings_keep_their_faces_at_every_seed(name):
+    assert [len(types(build_part(name, seed))) for seed in range(5)] == [CASTING[name]] * 5
+
+
+def test_a_window_frame_has_the_volume_of_the_formula():
+    plate = (84 * 60 - 4 * 6**2 / 2) * 12
+    window = (58 * 34 - 5**2 * (4 - math.pi)) * 5 + 49 * 25 * (12 - 5)
+    slots = 2 * ((18 - 5) * 5 + math.pi * 2.5**2) * 12
+    assert build_part("window_frame").volume == pytest.approx(plate - window - slots, rel=1e-9)
+
+
+def test_a_rack_bar_has_the_volume_of_the_formula():
+    flank = 9 * 0.13
+    gap = 9 - 9 * 0.35 - 2 * flank
+    section = (2 * 14 + 5 * 9) * 20 - 5 * (gap + flank) * 5
+    holes = 2 * math.pi * (2.8**2 * (15 - 4) + 4.8**2 * 4)
+    assert build_part("rack_bar").volume == pytest.approx(section * 15 - holes, rel=1e-9)
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 47
+    assert len(PARTS) == 53
     assert len(held_out) * 3 >= len(PARTS)
 
 

@@ -82,17 +82,23 @@ PARTS: dict[str, PartInfo] = {
     ),
     "keyed_shaft": PartInfo("fixture", "a blind keyway on a cylinder, a narrow ring groove, small chamfers", HOLDOUT),
     "tube_connector": PartInfo(
-        "fixture", "inner walls that only the ends show, a hidden shoulder, holes in pairs", HOLDOUT
+        "fixture", "inner walls that only the ends show, a hidden shoulder, holes in pairs", TUNED
     ),
-    "pipe_elbow": PartInfo("fixture", "a torus between cylinders outside and inside, small holes in a flange", HOLDOUT),
+    "pipe_elbow": PartInfo("fixture", "a torus between cylinders outside and inside, small holes in a flange", TUNED),
     "shoulder_screw": PartInfo("fixture", "a blind hexagonal socket, a rounded rim", HOLDOUT),
     "pocket_housing": PartInfo(
-        "fixture", "a deep pocket with rounded corners, a port, drilled holes with conical tips", HOLDOUT
+        "fixture", "a deep pocket with rounded corners, a port, drilled holes with conical tips", TUNED
     ),
-    "ball_lever": PartInfo("fixture", "an oblique cone between a cylinder and a sphere, a small radial hole", HOLDOUT),
+    "ball_lever": PartInfo("fixture", "an oblique cone between a cylinder and a sphere, a small radial hole", TUNED),
     "cock_plug": PartInfo("fixture", "a cylinder through a cone, a square end on a round stem", HOLDOUT),
     "cover_lid": PartInfo("fixture", "rounded corners, four countersunk holes, a spigot on the other side", HOLDOUT),
     "seat_block": PartInfo("fixture", "a spherical hollow met by a cone and a cylinder", HOLDOUT),
+    "pump_cover": PartInfo("casting", "lugs that run into a round rim, a recess under a bored boss", HOLDOUT),
+    "rack_bar": PartInfo("casting", "a row of equal teeth, two counterbores", HOLDOUT),
+    "yoke_end": PartInfo("casting", "cheeks with round ends over a block, a stepped shank", HOLDOUT),
+    "cam_disk": PartInfo("casting", "nearly tangent cylinders, a keyed bore, unequal holes", HOLDOUT),
+    "window_frame": PartInfo("casting", "a stepped window with rounded corners, slots in narrow rims", HOLDOUT),
+    "spray_nozzle": PartInfo("casting", "a cone on a hexagon, a deep stepped bore with a small orifice", HOLDOUT),
 }
 
 
