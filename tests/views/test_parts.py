@@ -39,7 +39,7 @@ def test_face_kinds_are_the_five_that_primitives_know():
         assert set(types(build_part(name))) <= known, name
 
 
-COMBINED = [name for name, info in PARTS.items() if info.module in ("machine", "fixture", "casting")]
+COMBINED = [name for name, info in PARTS.items() if info.module in ("machine", "fixture")]
 
 
 @pytest.mark.parametrize("name", COMBINED)

@@ -25,8 +25,8 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
         reach: rays on which they differ by less than this are left out.
 
     Returns:
-        Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays (none where
-        no place is met by enough of them to tell anything).
+        Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays whose places
+        are met by enough others to tell anything.
     """
     views = images.views
     origins, directions, greys = [], [], []
@@ -45,23 +45,25 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
     missing = changed & ~np.isfinite(second)
     told = changed & ~missing
     side = _PLACE_PX * views.cameras.footprint()
-    costs = []
+    costs, telling = [], []
     for distance, facing in ((first, normal), (second, inner)):
         points = origin[told] + distance[told, None] * direction[told]
-        costs.append(_differences(points, facing[told], grey[told].astype(float), side, images.tolerance))
+        cost, count = _differences(points, facing[told], grey[told].astype(float), side, images.tolerance)
+        costs.append(cost)
+        telling.append(count)
     lost = missing.sum() / max(changed.sum(), 1)
-    if not any(costs):  # not even rounding: nothing is told
-        return 0.0, 0.0, 0
-    return costs[0], (1 - lost) * costs[1] + lost * _CAP, int(changed.sum())
+    return costs[0], float((1 - lost) * costs[1] + lost * _CAP), min(telling)
 
 
-def _differences(points: Array, normals: NDArray[np.float32], grey: Array, side: float, tolerance: float) -> float:
-    """Mean capped difference of rays from a linear fit to all rays of their place."""
+def _differences(
+    points: Array, normals: NDArray[np.float32], grey: Array, side: float, tolerance: float
+) -> tuple[float, int]:
+    """Mean capped difference of rays from a linear fit to all rays of their place, and how many have such a place."""
     if not len(points):
-        return 0.0
+        return 0.0, 0
     place = np.floor(points / side).astype(np.int64)
     facing = np.round(normals * _NORMAL_BINS).astype(np.int64)
     difference, enough = differences(
         np.column_stack([place, facing]), points / side - place - 0.5, grey, tolerance, _CAP
     )
-    return float(difference[enough].mean()) if enough.any() else 0.0
+    return (float(difference[enough].mean()) if enough.any() else 0.0), int(enough.sum())
