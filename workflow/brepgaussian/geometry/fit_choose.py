@@ -30,6 +30,8 @@ FLAT_TURN = np.radians(6.0)
 # In inner corners it bulges more; then it is one if its points lie as near to a plane as bulges of its width do.
 BULGE_TURN = np.radians(10.0)
 BULGE_SHARE, BULGE_MOST = 0.03, 0.004  # rms height over the width, and unit frame
+SLENDER, DISC = np.radians(2.0), np.radians(88.0)  # half angles: a slimmer cone must show that it tapers
+LEAST_TAPER = 0.01  # unit frame; change of radius that the errors of a bore's points (a voxel) do not make
 _TURN_QUANTILE = 0.95
 _SMALL = 1e-12
 
@@ -170,9 +172,16 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
     if surface.kind == "torus":
         ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
         return ring and surface.minor < 10 * extent
-    if surface.kind == "cone" and not np.radians(2.0) < surface.angle < np.radians(88.0):
+    if surface.kind == "cone" and not _tapers(surface, points):
         return False
     return surface.radius < 20 * extent
+
+
+def _tapers(cone: Surface, points: Array) -> bool:
+    """Whether a cone is no disc, and no cylinder whose points are off by a little more at one end."""
+    if cone.angle >= DISC:
+        return False
+    return bool(cone.angle > SLENDER or np.tan(cone.angle) * np.ptp(points @ cone.axis) > LEAST_TAPER)
 
 
 def _flat(turn: float, points: Array) -> bool:

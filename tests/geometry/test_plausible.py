@@ -1,0 +1,30 @@
+"""Which cones a part may have: slim ones must show that they taper."""
+
+import numpy as np
+import pytest
+from brepgaussian.geometry.fit import choose, plausible
+from brepgaussian.geometry.surfaces import cone, cylinder
+
+
+def side(surface, length, rng, count=1500, bias=0.0):
+    """Points around a surface about z, `length` long, whose distance grows by `bias` from one end to the other."""
+    turn, height = rng.uniform(0, 2 * np.pi, count), rng.uniform(-0.5, 0.5, count) * length
+    radius = surface.radius + height * np.tan(surface.angle) + bias * height / length
+    xyz = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])
+    return xyz, surface.normals(xyz)
+
+
+@pytest.mark.parametrize(("degrees", "length", "expected"), [(1.5, 0.7, True), (1.0, 0.3, False), (5.0, 0.05, True)])
+def test_a_slim_cone_shows_that_it_tapers(degrees, length, expected):
+    surface = cone(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.1, np.radians(degrees))
+    points, _ = side(surface, length, np.random.default_rng(1))
+    assert plausible(surface, points) == expected
+
+
+def test_a_taper_is_a_cone_and_a_bore_that_is_off_at_one_end_a_cylinder():
+    rng, axis = np.random.default_rng(2), np.array([0.0, 0.0, 1.0])
+    taper = side(cone(np.zeros(3), axis, 0.06, np.radians(1.5)), 0.7, rng)
+    bore = side(cylinder(np.zeros(3), axis, 0.06), 0.2, rng, bias=0.005)
+    for (xyz, normals), kind in ((taper, "cone"), (bore, "cylinder")):
+        noisy = xyz + rng.normal(0, 0.001, xyz.shape)
+        assert choose(noisy, normals, 0.001).surface.kind == kind
