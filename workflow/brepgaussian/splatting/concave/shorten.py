@@ -14,7 +14,8 @@ from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.rays import crossings_of
 from brepgaussian.splatting.concave.volume import Volume
 
-_FIRST_WALL = 0.9  # of the opening lies before the end of a hole through its first wall
+_THROUGH = 0.9  # of the opening has left the first wall where a hole through it ends
+_LEAST_BEHIND = 0.1  # of the opening has another wall behind
 _ROOM_VOXELS = 3.0  # between two walls, and thickness of the second
 _GAIN = 0.8  # the hole in the wall behind leaves at most this share of the disagreement
 
@@ -55,6 +56,6 @@ def _first_end(hull: Volume, prism: Prism) -> float | None:
     out, again, back = (crossings[:, k] * lattice.pitch for k in range(3))
     with np.errstate(invalid="ignore"):
         behind = inside & np.isfinite(back) & (again - out > room) & (np.minimum(back, prism.depth) - again > room)
-    if behind.mean() < 1 - _FIRST_WALL or not behind.any():
+    if behind.mean() < _LEAST_BEHIND:
         return None
-    return float(np.quantile(out[behind], _FIRST_WALL)) + lattice.pitch
+    return float(np.quantile(out[behind], _THROUGH)) + lattice.pitch
