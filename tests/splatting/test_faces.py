@@ -11,10 +11,12 @@ from brepgaussian.artifacts.views import read_views
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.faces import flatten
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import Candidate
-from brepgaussian.splatting.faces.confirm import confirm, over
+from brepgaussian.splatting.faces.confirm import Face, confirm, over
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 
@@ -184,3 +186,29 @@ def test_a_ball_has_no_planar_face(tmp_path):
         within, heights = over(face.lattice, face.outline, truth.points)
         near = within & (np.abs(heights) < 0.01)
         assert flat[near].mean() > 0.9
+
+
+@pytest.mark.parametrize(("width", "kept"), [(4, True), (30, False)])
+def test_what_stands_on_a_face_keeps_its_foot_if_it_is_narrow(monkeypatch, width, kept):
+    lattice = Lattice(np.zeros(3), *np.eye(3), 0.01, (100, 100))
+    face = Face(lattice, np.ones((100, 100), bool), 0.002, 0.3)
+    rows, columns = np.mgrid[2:98, 2:98].reshape(2, -1)
+    above = np.column_stack([0.01 * (rows + 0.5), 0.01 * (columns + 0.5), np.full(rows.size, 0.1)])
+    foot = (rows >= 40) & (rows < 40 + width) & (columns < 70)
+    # a bulge of twice the foot's samples: enough of it is needed for the face to be in doubt
+    some = foot | (np.arange(rows.size) % 16 == 0)
+    monkeypatch.setattr(flatten, "_needed", lambda views, samples, after: foot[some])
+    found = flatten._allowed(None, face, above[some], 0.01, None)
+    assert (found is not None) == kept
+    if kept:
+        assert not found.outline[40:44, 2:70].any()
+        assert found.outline[:37].all()
+        assert found.outline[:, 75:].all()
+
+
+def test_a_face_on_which_nothing_needed_stands_is_left_alone(monkeypatch):
+    face = Face(Lattice(np.zeros(3), *np.eye(3), 0.01, (100, 100)), np.ones((100, 100), bool), 0.002, 0.3)
+    above = np.array([[0.5, 0.5, 0.1], [0.3, 0.3, 0.1]])
+    monkeypatch.setattr(flatten, "_needed", lambda views, samples, after: np.zeros(len(samples), bool))
+    assert flatten._allowed(None, face, above, 0.01, None) is face
+    assert flatten._allowed(None, face, above[:0], 0.01, None) is face

@@ -1,9 +1,11 @@
 """Cut off what a hull has above the planar faces that the images confirm."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
@@ -21,7 +23,11 @@ Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
 _SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
 _OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
-_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none
+_NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none,
+_STANDING_SHARE = (
+    0.08  # unless that stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
+)
+_STANDING_CELLS = 2  # around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
 _LARGER = 1.1  # than before, for a face to be cut again
@@ -91,8 +97,11 @@ def _flatten(
             faces.append(face)
     carved = _carve(hull, faces)
     after = carved.scene()
-    kept = [f for f in faces if not _needed(views, f, mesh[0], hull.spacing, after)]
-    return (carved if len(kept) == len(faces) else _carve(hull, kept)), kept
+    kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
+    if all(old is new for old, new in zip(faces, kept, strict=True)):
+        return carved, faces
+    left = [f for f in kept if f is not None]
+    return _carve(hull, left), left
 
 
 def _same(face: Face, other: Face, spacing: float) -> bool:
@@ -111,13 +120,27 @@ def _carve(hull: Volume, faces: list[Face]) -> Volume:
     return hull
 
 
-def _needed(views: Views, face: Face, vertices: Array, spacing: float, after: Scene) -> bool:
-    """Whether silhouettes show what was cut off: a dome with a planar rim is no bulge."""
+def _allowed(views: Views, face: Face, vertices: Array, spacing: float, after: Scene) -> Face | None:
+    """A face, without the feet of what silhouettes show to stand on it; None if that is most of what was cut off.
+
+    A dome with a planar rim is no bulge. After: the hull without what stands above all faces.
+    """
     within, heights = over(face.lattice, face.outline, vertices)
     within &= (heights > _LEAST_BULGE_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
     samples = vertices[within]
-    if not len(samples):
-        return False
+    needed = _needed(views, samples, after)
+    if not len(samples) or needed.mean() <= _NEEDED_SHARE:
+        return face
+    cells = np.round(face.lattice.coordinates(samples[needed])[0]).astype(int)
+    standing = np.zeros(face.outline.shape, bool)
+    standing[tuple(np.clip(cells, 0, np.array(standing.shape) - 1).T)] = True
+    standing = ndimage.binary_dilation(standing, iterations=_STANDING_CELLS)
+    few = (standing & face.outline).sum() <= _STANDING_SHARE * face.outline.sum()
+    return replace(face, outline=face.outline & ~standing) if few else None
+
+
+def _needed(views: Views, samples: Array, after: Scene) -> NDArray[np.bool_]:
+    """(N,) whether silhouettes show samples (N, 3) that were cut off."""
     needed = np.zeros(len(samples), int)
     height_px, width_px = views.alpha.shape[1:]
     for view, center in enumerate(views.cameras.centers):
@@ -128,4 +151,4 @@ def _needed(views: Views, face: Face, vertices: Array, spacing: float, after: Sc
         ray = samples[opaque] - center
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         needed[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
-    return bool((needed >= _NEEDED_VIEWS).mean() > _NEEDED_SHARE)
+    return np.asarray(needed >= _NEEDED_VIEWS)
