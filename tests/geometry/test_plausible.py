@@ -1,9 +1,9 @@
-"""Which cones a part may have: slim ones must show that they taper."""
+"""Which cones and spheres a part may have: slim cones show that they taper, narrow bands of spheres that they bend."""
 
 import numpy as np
 import pytest
 from brepgaussian.geometry.fit import choose, plausible
-from brepgaussian.geometry.surfaces import cone, cylinder
+from brepgaussian.geometry.surfaces import cone, cylinder, sphere
 
 
 def side(surface, length, rng, count=1500, bias=0.0):
@@ -28,3 +28,15 @@ def test_a_taper_is_a_cone_and_a_bore_that_is_off_at_one_end_a_cylinder():
     for (xyz, normals), kind in ((taper, "cone"), (bore, "cylinder")):
         noisy = xyz + rng.normal(0, 0.001, xyz.shape)
         assert choose(noisy, normals, 0.001).surface.kind == kind
+
+
+@pytest.mark.parametrize(
+    ("radius", "low", "high", "expected"),
+    [(0.84, 28, 36, False), (0.4, 30, 70, True), (0.1, 40, 100, True), (0.39, 0, 60, True), (0.9, 0, 15, True)],
+)
+def test_a_narrow_band_is_no_sphere_and_a_cap_is(radius, low, high, expected):
+    rng = np.random.default_rng(3)
+    polar, turn = np.radians(rng.uniform(low, high, 3000)), rng.uniform(0, 2 * np.pi, 3000)
+    out = np.column_stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)])
+    tilted = out @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    assert plausible(sphere(np.full(3, 0.2), radius), 0.2 + radius * tilted) == expected

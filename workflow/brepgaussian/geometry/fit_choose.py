@@ -30,6 +30,7 @@ FLAT_TURN = np.radians(6.0)
 # In inner corners it bulges more; then it is one if its points lie as near to a plane as bulges of its width do.
 BULGE_TURN = np.radians(10.0)
 BULGE_SHARE, BULGE_MOST = 0.03, 0.004  # rms height over the width, and unit frame
+LEAST_ARC = 0.003  # unit frame; height of an arc over its chord that the bulge of a cone's points does not make
 SLENDER, DISC = np.radians(2.0), np.radians(88.0)  # half angles: a slimmer cone must show that it tapers
 LEAST_TAPER = 0.01  # unit frame; change of radius that the errors of a bore's points (a voxel) do not make
 _TURN_QUANTILE = 0.95
@@ -174,7 +175,22 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
         return ring and surface.minor < 10 * extent
     if surface.kind == "cone" and not _tapers(surface, points):
         return False
+    if surface.kind == "sphere" and _is_band(surface, points):
+        return False
     return surface.radius < 20 * extent
+
+
+def _is_band(sphere: Surface, points: Array) -> bool:
+    """Whether points are a band around a sphere that is too narrow to be told from a cone.
+
+    Its axis is the direction along which its normals differ least; a cap, which holds the axis, is no band.
+    """
+    normals = sphere.normals(points)
+    axis = np.linalg.eigh(np.cov(normals.T))[1][:, 0]
+    low, high = np.quantile(np.arccos(np.clip(normals @ axis, -1, 1)), [1 - _TURN_QUANTILE, _TURN_QUANTILE])
+    arc = high - low
+    cap = min(low, np.pi - high) < arc
+    return bool(not cap and sphere.radius * arc**2 / 8 < LEAST_ARC)
 
 
 def _tapers(cone: Surface, points: Array) -> bool:
