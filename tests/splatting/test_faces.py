@@ -119,9 +119,8 @@ def test_a_face_runs_on_where_the_hull_hides_it_if_views_look_alike(alike):
     rng = np.random.default_rng(5)
     cameras = ring_of_cameras()
     masks = masks_of(cameras, SQUARE)
-    fill = trimesh.creation.box(
-        bounds=[[0.1, 0.1, 0.505], [0.42, 0.9, 0.75]]
-    )  # what silhouettes leave in an inner corner
+    left = [[0.1, 0.1, 0.505], [0.42, 0.9, 0.75]]  # what silhouettes leave in an inner corner
+    fill = trimesh.creation.box(bounds=left)
     points = rng.uniform([0.3, 0.3], [0.7, 0.7], (500, 2))
     height = np.where(points[:, 0] < 0.42, 0.75, 0.5)
     regions = dict.fromkeys(range(len(cameras)), 1)

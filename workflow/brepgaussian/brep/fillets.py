@@ -5,8 +5,9 @@ touches both neighbours has one free parameter, its radius: a torus between a co
 between two planes (an edge, or the corner of a pocket). The round end of a slot has even less, its place.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -16,7 +17,8 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep.patches import Patch, touch
 from brepgaussian.geometry.surfaces import Surface, cylinder, torus, unit
 
-_TOUCH = 3.0  # of reach: patches this near to each other are neighbours
+Builder = Callable[[float], Surface]  # of a surface with one free parameter
+
 _ACROSS = np.cos(np.radians(5.0))  # between the cylinder's axis and the plane's normal
 _ALONG = np.cos(np.radians(8.0))  # between the cylinder's axis and the patch's own
 _ALONG_WALL = np.sin(np.radians(8.0))  # between the normal of a plane that a cylinder rounds off and its axis
@@ -35,7 +37,7 @@ def rounded(patches: Sequence[Patch], noise: float) -> list[Patch] | None:
         if makers is None:
             continue
         tree = cKDTree(patch.xyz)
-        beside = [p for k, p in enumerate(patches) if k != i and touch(p, patch, _TOUCH, tree)]
+        beside = [p for k, p in enumerate(patches) if k != i and touch(p, patch, tree=tree)]
         found = [f for f in makers(patch, beside) if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)]
         if found:
             surface = min(found, key=lambda f: f.rms(patch.xyz))
@@ -52,46 +54,31 @@ def _fillets(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
         for floor in (p.surface for p in beside if p.surface.kind == "plane"):
             if abs(float(wall.axis @ floor.axis)) < _ACROSS:
                 continue
-            for sign in (-1, 1):
-                limits = (_LEAST * wall.radius, _MOST * wall.radius)
-
-                def cost(minor: float, wall: Surface = wall, floor: Surface = floor, sign: int = sign) -> float:
-                    return touching(wall, floor, sign * minor).rms(patch.xyz)
-
-                minor = float(minimize_scalar(cost, bounds=limits, method="bounded").x)
-                surface = touching(wall, floor, sign * minor)
-                if _faces(surface, patch):
-                    yield surface
+            yield from _on_both_sides(
+                patch, partial(touching, wall, floor), (_LEAST * wall.radius, _MOST * wall.radius)
+            )
 
 
 def _roundings(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
     """The best cylinder for every pair of planes beside a patch, its axis along both."""
     walls = [p.surface for p in beside if p.surface.kind == "plane"]
     walls = [w for w in walls if abs(float(w.axis @ patch.surface.axis)) < _ALONG_WALL]
+    limits = (patch.surface.radius / _LIKE, patch.surface.radius * _LIKE)
     for first, second in combinations(walls, 2):
         if abs(float(first.axis @ second.axis)) > _PARALLEL:
             if float(first.axis @ second.axis) < 0:
-                yield from _slot_end(patch, first, second)
+                yield from _slot_end(patch, first, second, limits)
             continue
         if abs(float(unit(np.cross(first.axis, second.axis)) @ patch.surface.axis)) < _ALONG:
             continue
-        for sign in (-1, 1):
-            limits = (patch.surface.radius / _LIKE, patch.surface.radius * _LIKE)
-
-            def cost(radius: float, first: Surface = first, second: Surface = second, sign: int = sign) -> float:
-                return rolling(first, second, sign * radius).rms(patch.xyz)
-
-            radius = float(minimize_scalar(cost, bounds=limits, method="bounded").x)
-            surface = rolling(first, second, sign * radius)
-            if _faces(surface, patch):
-                yield surface
+        yield from _on_both_sides(patch, partial(rolling, first, second), limits)
 
 
-def _slot_end(patch: Patch, first: Surface, second: Surface) -> Iterator[Surface]:
+def _slot_end(patch: Patch, first: Surface, second: Surface, limits: tuple[float, float]) -> Iterator[Surface]:
     """The half cylinder between two parallel walls that is nearest to a patch."""
     normal = unit(first.axis - second.axis)
     radius = abs(float((second.origin - first.origin) @ normal)) / 2
-    if not patch.surface.radius / _LIKE < radius < patch.surface.radius * _LIKE:
+    if not limits[0] < radius < limits[1]:
         return
     axis = unit(patch.surface.axis - (patch.surface.axis @ normal) * normal)
     middle = patch.surface.origin + ((first.origin + second.origin) / 2 - patch.surface.origin) @ normal * normal
@@ -100,14 +87,21 @@ def _slot_end(patch: Patch, first: Surface, second: Surface) -> Iterator[Surface
     def end(shift: float) -> Surface:
         return cylinder(middle + shift * along, axis, radius, patch.surface.flipped)
 
-    shift = minimize_scalar(lambda t: end(float(t)).rms(patch.xyz), bounds=(-radius, radius), method="bounded").x
-    if _faces(end(float(shift)), patch):
-        yield end(float(shift))
+    yield from _closest(patch, end, (-radius, radius))
 
 
-def _faces(surface: Surface, patch: Patch) -> bool:
-    """Whether a surface's outward side is the one that the patch's points show."""
-    return float(np.median(np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals))) > 0
+def _on_both_sides(patch: Patch, build: Builder, limits: tuple[float, float]) -> Iterator[Surface]:
+    """The closest surfaces to a patch whose radius is within limits: on a concave and on a convex edge."""
+    yield from _closest(patch, lambda size: build(-size), limits)
+    yield from _closest(patch, build, limits)
+
+
+def _closest(patch: Patch, build: Builder, limits: tuple[float, float]) -> Iterator[Surface]:
+    """The surface closest to a patch, if its outward side is the one that the points show."""
+    best = minimize_scalar(lambda value: build(float(value)).rms(patch.xyz), bounds=limits, method="bounded").x
+    surface = build(float(best))
+    if float(np.median(np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals))) > 0:
+        yield surface
 
 
 def rolling(first: Surface, second: Surface, radius: float) -> Surface:

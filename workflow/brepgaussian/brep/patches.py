@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 NEIGHBOURS = 6  # a disc that holds six points on average is empty once in 400 times
 _ISOLATED = 4.0  # a point whose neighbours are this many times farther than usual is a stray label
+NEARBY = 3.0  # of reach: patches this near to each other are neighbours
 _MIN_POINTS = 8  # fewer points define no extent
 
 
@@ -67,7 +68,7 @@ def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -
     return patches
 
 
-def touch(first: Patch, second: Patch, reaches: float, tree: cKDTree | None = None) -> bool:
+def touch(first: Patch, second: Patch, reaches: float = NEARBY, tree: cKDTree | None = None) -> bool:
     """Whether two patches lie within some of the larger reach; `tree`: of the second's points, if at hand."""
     limit = reaches * max(first.reach, second.reach)
     tree = cKDTree(second.xyz) if tree is None else tree

@@ -17,7 +17,6 @@ from brepgaussian.geometry.surfaces import Surface, cone, cylinder, plane
 
 Array = NDArray[np.float64]
 
-_TOUCH = 3.0  # of reach: patches this near to each other are neighbours
 _ALONG = np.cos(np.radians(8.0))  # between the torus's axis and the normal of a plane beside it, which knows it better
 _AS_WELL = 1.1  # residuals of two lines over the torus's: .9-1.0 for countersinks, from 1.2 for fillets
 _LEAST_SHARE = 0.1  # of the points on each piece
@@ -79,7 +78,7 @@ def _axis(patch: Patch, others: Sequence[Patch]) -> tuple[Array, Array]:
     tree = cKDTree(patch.xyz)
     beside = [
         p for p in others
-        if p.surface.kind == "plane" and abs(p.surface.axis @ direction) > _ALONG and touch(p, patch, _TOUCH, tree)
+        if p.surface.kind == "plane" and abs(p.surface.axis @ direction) > _ALONG and touch(p, patch, tree=tree)
     ]  # fmt: skip
     if beside:
         best = max(beside, key=lambda p: len(p.xyz)).surface.axis

@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 _SHARE = 0.8  # of a skin's points that lie before both walls
 _POOR = 1.5  # noises: a well-fitting patch that is not small is a face
 _SMALL, _LARGEST = 0.01, 0.04  # of all points: a patch that fits well but is doubtful, and the largest skin
-_TOUCH = 3.0  # of reach: patches this near to each other are neighbours
 _SLACK = 3.0  # noises behind a wall that a point before it may seem to lie
 _BETWEEN = np.cos(np.radians(80.0))  # a skin's normals (median) are nearer than this to those of both walls,
 _ASIDE = np.sin(np.radians(25.0))  # and this near to the plane of the two
@@ -38,7 +37,7 @@ def skins(patches: Sequence[Patch]) -> tuple[int, ...]:
     for i in sorted(range(len(patches)), key=lambda k: (len(patches[k].xyz), k)):
         skin = patches[i]
         larger = (j for j, p in enumerate(patches) if j not in found and j != i and len(p.xyz) >= len(skin.xyz))
-        walls = [patches[j] for j in larger if touch(skin, patches[j], _TOUCH, trees[j])]
+        walls = [patches[j] for j in larger if touch(skin, patches[j], tree=trees[j])]
         if _doubtful(skin, noise, total) and any(_hides(skin, *pair, noise) for pair in combinations(walls, 2)):
             found.append(i)
     return tuple(sorted(found))

@@ -16,11 +16,9 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
-
-_BEYOND = 200.0  # mm: a cutting tool that passes through everything
 
 
 def pump_cover(s: Sizes) -> Part:
@@ -34,9 +32,9 @@ def pump_cover(s: Sizes) -> Part:
     for k in range(3):
         turned = Rot(0, 0, 120 * k)
         body += turned * Pos(out, 0, 0) * Cylinder(lug, thick, align=BOTTOM)
-        holes += turned * Pos(out, 0, 0) * Cylinder(hole, _BEYOND)
+        holes += turned * Pos(out, 0, 0) * Cylinder(hole, BEYOND)
     recess = Cylinder(s(18, 0.08), s(4, 0.1), align=BOTTOM)
-    return body - holes - recess - Cylinder(s(6, 0.1), _BEYOND)
+    return body - holes - recess - Cylinder(s(6, 0.1), BEYOND)
 
 
 def rack_bar(s: Sizes) -> Part:
@@ -56,7 +54,7 @@ def rack_bar(s: Sizes) -> Part:
     body = profile(*points, depth=width)
     box = body.bounding_box()
     bore, wide, sunk = s(2.8, 0.08), s(4.8, 0.06), s(4, 0.1)
-    hole = Cylinder(bore, _BEYOND) + Pos(0, 0, -_BEYOND / 2 + sunk) * Cylinder(wide, _BEYOND)
+    hole = Cylinder(bore, BEYOND) + Pos(0, 0, -BEYOND / 2 + sunk) * Cylinder(wide, BEYOND)
     middle = (box.min.Z + box.max.Z) / 2 - deep / 2
     for x in (box.min.X + end / 2, box.max.X - end / 2):
         body -= Pos(x, box.min.Y, middle) * Rot(-90, 0, 0) * hole
@@ -72,7 +70,7 @@ def yoke_end(s: Sizes) -> Part:
     for y in (-1, 1):
         side = Box(width, ear, long, align=BOTTOM) + Pos(0, 0, long) * Rot(90, 0, 0) * Cylinder(width / 2, ear)
         body += Pos(0, y * thick / 2, block) * side
-    body -= Pos(0, 0, block + long) * Rot(90, 0, 0) * Cylinder(pin, _BEYOND)
+    body -= Pos(0, 0, block + long) * Rot(90, 0, 0) * Cylinder(pin, BEYOND)
     neck, shank = s(9, 0.08), s(6.5, 0.06)
     first, second = s(8, 0.1), s(18, 0.08)
     body += turn((0, 1), (neck, 1), (neck, -first), (shank, -first), (shank, -first - second + 1),
@@ -85,12 +83,11 @@ def cam_disk(s: Sizes) -> Part:
     radius, thick, off, hub = s(30, 0.06), s(9, 0.08), s(9, 0.08), s(11, 0.06)
     body = Pos(off, 0, 0) * Cylinder(radius, thick, align=BOTTOM) + Cylinder(hub, thick + s(10, 0.1), align=BOTTOM)
     bore = s(6, 0.08)
-    body -= Cylinder(bore, _BEYOND)
-    body -= Pos(0, 0, 0) * Box(2 * (bore + s(2.2, 0.1)), s(3.6, 0.08), _BEYOND) & Pos(_BEYOND / 2, 0, 0) * Box(
-        _BEYOND, _BEYOND, _BEYOND
-    )
+    body -= Cylinder(bore, BEYOND)
+    key = Box(2 * (bore + s(2.2, 0.1)), s(3.6, 0.08), BEYOND)
+    body -= key & Pos(BEYOND / 2, 0, 0) * Box(BEYOND, BEYOND, BEYOND)  # on one side only
     for y, size in ((1, s(5.5, 0.1)), (-1, s(4, 0.1))):
-        body -= Pos(off + radius * 0.35, y * radius * 0.48, 0) * Cylinder(size, _BEYOND)
+        body -= Pos(off + radius * 0.35, y * radius * 0.48, 0) * Cylinder(size, BEYOND)
     return body
 
 
@@ -100,13 +97,13 @@ def window_frame(s: Sizes) -> Part:
     body = Box(length, width, thick, align=BOTTOM)
     body = chamfer(body.edges().filter_by(Axis.Z), s(6, 0.1))
     rim, ledge, sunk, corner = s(13, 0.06), s(4.5, 0.08), s(5, 0.1), s(5, 0.08)
-    outer = Box(length - 2 * rim, width - 2 * rim, _BEYOND, align=BOTTOM)
+    outer = Box(length - 2 * rim, width - 2 * rim, BEYOND, align=BOTTOM)
     outer = fillet(outer.edges().filter_by(Axis.Z), corner)
-    inner = Box(length - 2 * rim - 2 * ledge, width - 2 * rim - 2 * ledge, _BEYOND)
+    inner = Box(length - 2 * rim - 2 * ledge, width - 2 * rim - 2 * ledge, BEYOND)
     body = body - Pos(0, 0, thick - sunk) * outer - inner
-    slot = extrude(SlotOverall(s(18, 0.08), s(5, 0.08)), _BEYOND)
+    slot = extrude(SlotOverall(s(18, 0.08), s(5, 0.08)), BEYOND)
     for y in (-1, 1):
-        body -= Pos(0, y * (width - rim) / 2, -_BEYOND / 2) * slot
+        body -= Pos(0, y * (width - rim) / 2, -BEYOND / 2) * slot
     return body
 
 
@@ -119,4 +116,4 @@ def spray_nozzle(s: Sizes) -> Part:
     body += turn((0, wide / 2), (stem, wide / 2), (stem, 1.2 - below), (stem - 1.2, -below), (0, -below))
     bore, depth, orifice = s(4.6, 0.08), s(26, 0.08), s(1.9, 0.06)
     body -= Pos(0, 0, -below) * Cylinder(bore, depth, align=BOTTOM)
-    return body - Cylinder(orifice, _BEYOND)
+    return body - Cylinder(orifice, BEYOND)

@@ -25,11 +25,10 @@ from build123d import (
     sweep,
 )
 
-from brepgaussian.views.parts.prismatic import BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
-_BEYOND = 200.0  # mm: a cutting tool that passes through everything
 _DRILL_TIP = 59.0  # degrees between axis and cone of a twist drill's tip (118 degrees in all)
 
 
@@ -51,7 +50,7 @@ def keyed_shaft(s: Sizes) -> Part:
         (journal, long + thick), (journal, low), (journal - deep, low), (journal - deep, low + groove),
         (journal, low + groove), (journal, total - edge), (journal - edge, total), (0, total),
     )  # fmt: skip
-    key = extrude(SlotOverall(long * s(0.62, 0.05), s(7, 0.1)), _BEYOND)
+    key = extrude(SlotOverall(long * s(0.62, 0.05), s(7, 0.1)), BEYOND)
     return body - Pos(seat - s(4.5, 0.1), 0, (long + edge) / 2) * Rot(0, 90, 0) * key
 
 
@@ -62,10 +61,10 @@ def tube_connector(s: Sizes) -> Part:
     body = Box(outer, outer, length, align=BOTTOM)
     body = fillet(body.edges().filter_by(Axis.Z), s(5))
     socket = outer - 2 * wall
-    body -= Pos(0, 0, length - depth) * Box(socket, socket, _BEYOND, align=BOTTOM)
-    body -= Box(socket - 2 * shoulder, socket - 2 * shoulder, _BEYOND)
-    body -= Pos(0, 0, length - depth / 2) * Rot(90, 0, 0) * Cylinder(s(6), _BEYOND)
-    return body - Pos(0, 0, (length - depth) / 2) * Rot(0, 90, 0) * Cylinder(s(5), _BEYOND)
+    body -= Pos(0, 0, length - depth) * Box(socket, socket, BEYOND, align=BOTTOM)
+    body -= Box(socket - 2 * shoulder, socket - 2 * shoulder, BEYOND)
+    body -= Pos(0, 0, length - depth / 2) * Rot(90, 0, 0) * Cylinder(s(6), BEYOND)
+    return body - Pos(0, 0, (length - depth) / 2) * Rot(0, 90, 0) * Cylinder(s(5), BEYOND)
 
 
 def pipe_elbow(s: Sizes) -> Part:
@@ -87,7 +86,7 @@ def pipe_elbow(s: Sizes) -> Part:
     inset, hole = half - s(7.4, 0.04), s(2.8, 0.08)
     for x in (-inset, inset):
         for y in (-inset, inset):
-            flange -= Pos(x, y, 0) * Cylinder(hole, _BEYOND)
+            flange -= Pos(x, y, 0) * Cylinder(hole, BEYOND)
     return flange + pipe - sweep(Circle(bore), path)
 
 
@@ -111,11 +110,11 @@ def pocket_housing(s: Sizes) -> Part:
     rim, wall = s(16, 0.06), s(8, 0.1)
     pocket = Rectangle(length - 2 * rim, width - 2 * wall)
     pocket = fillet(pocket.vertices(), s(7))
-    body = Box(length, width, high, align=BOTTOM) - Pos(0, 0, floor) * extrude(pocket, _BEYOND)
+    body = Box(length, width, high, align=BOTTOM) - Pos(0, 0, floor) * extrude(pocket, BEYOND)
     hole = drill(s(3.1, 0.08), s(13))
     for x in (-1, 1):
         body -= Pos(x * (length - rim) / 2, 0, high) * hole
-    port = Rot(90, 0, 0) * Cylinder(s(5.5, 0.1), _BEYOND, align=BOTTOM)
+    port = Rot(90, 0, 0) * Cylinder(s(5.5, 0.1), BEYOND, align=BOTTOM)
     return body - Pos(0, 0, (floor + high) / 2) * port
 
 
@@ -130,7 +129,7 @@ def ball_lever(s: Sizes) -> Part:
     body -= turn(
         (0, 0), (bore + edge, 0), (bore, edge), (bore, high - edge), (bore + edge, high), (0, high)
     )  # fmt: skip
-    screw = Rot(0, -90, 0) * Cylinder(s(2.8, 0.1), _BEYOND, align=BOTTOM)
+    screw = Rot(0, -90, 0) * Cylinder(s(2.8, 0.1), BEYOND, align=BOTTOM)
     return body - Pos(0, 0, (low + high) / 2) * screw
 
 
@@ -142,7 +141,7 @@ def cock_plug(s: Sizes) -> Part:
     body = turn((0, 0), (small, 0), (large, body_high), (stem, body_high), (stem, shoulder), (0, shoulder))
     side = stem * s(1.2, 0.05)
     body += Pos(0, 0, shoulder) * Box(side, side, s(12), align=BOTTOM)
-    body -= Pos(0, 0, body_high * 0.58) * Rot(90, 0, 0) * Cylinder(s(6.2, 0.1), _BEYOND)
+    body -= Pos(0, 0, body_high * 0.58) * Rot(90, 0, 0) * Cylinder(s(6.2, 0.1), BEYOND)
     return body - Rot(180, 0, 0) * drill(s(4), s(8))
 
 
@@ -152,13 +151,13 @@ def cover_lid(s: Sizes) -> Part:
     lid = Box(length, width, thick, align=BOTTOM)
     lid = fillet(lid.edges().filter_by(Axis.Z), s(9))
     bore, sink = s(3.2, 0.08), s(2.8, 0.1)
-    hole = Cylinder(bore, _BEYOND) + Pos(0, 0, thick - sink) * Cone(bore, bore + sink, sink, align=BOTTOM)
+    hole = Cylinder(bore, BEYOND) + Pos(0, 0, thick - sink) * Cone(bore, bore + sink, sink, align=BOTTOM)
     for x in (-1, 1):
         for y in (-1, 1):
             lid -= Pos(x * (length / 2 - inset), y * (width / 2 - inset), 0) * hole
     spigot, deep, edge = s(16.5, 0.08), s(8), s(1.6)
     lid += turn((0, 0), (spigot, 0), (spigot, edge - deep), (spigot - edge, -deep), (0, -deep))
-    return lid - Cylinder(s(7.5, 0.1), _BEYOND)
+    return lid - Cylinder(s(7.5, 0.1), BEYOND)
 
 
 def seat_block(s: Sizes) -> Part:
@@ -174,8 +173,8 @@ def seat_block(s: Sizes) -> Part:
     mouth = (ball**2 - above**2) ** 0.5
     body -= Pos(0, 0, high + above) * Sphere(ball)
     body -= Pos(0, 0, high - 2 * edge) * Cone(mouth - edge, mouth + edge, 2 * edge, align=BOTTOM)
-    body -= Cylinder(s(4.5, 0.1), _BEYOND)
+    body -= Cylinder(s(4.5, 0.1), BEYOND)
     hole = s(3.3, 0.05)
     for x in (-1, 1):
-        body -= Pos(x * (half + ledge / 2), 0, 0) * Cylinder(hole, _BEYOND)
+        body -= Pos(x * (half + ledge / 2), 0, 0) * Cylinder(hole, BEYOND)
     return body

@@ -18,11 +18,9 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
-
-_BEYOND = 200.0  # mm: a cutting tool that passes through everything
 
 
 def step_bracket(s: Sizes) -> Part:
@@ -32,8 +30,8 @@ def step_bracket(s: Sizes) -> Part:
     body = profile((0, 0), (length, 0), (length, low), (step, low), (step, high), (0, high), depth=width)
     body = fillet(body.edges().filter_by(Axis.Z).sort_by(Axis.X)[-2:], s(9))
     slot = Rot(0, 0, 90) * SlotOverall(s(24), s(8))
-    body -= Pos((length + step) / 2, 0, -1) * extrude(slot, _BEYOND)
-    return body - Pos(step / 2, 0, high - s(17)) * Cylinder(s(6), _BEYOND, align=BOTTOM)
+    body -= Pos((length + step) / 2, 0, -1) * extrude(slot, BEYOND)
+    return body - Pos(step / 2, 0, high - s(17)) * Cylinder(s(6), BEYOND, align=BOTTOM)
 
 
 def v_pulley(s: Sizes) -> Part:
@@ -54,12 +52,12 @@ def hinge_leaf(s: Sizes) -> Part:
     body += Pos(0, 0, barrel) * Rot(90, 0, 0) * Cylinder(barrel, length)
     gap = length * s(0.3)
     reach = barrel * 1.25
-    body -= Pos(reach - _BEYOND / 2, length / 2 - gap + _BEYOND / 2, 0) * Box(_BEYOND, _BEYOND, _BEYOND)
-    body -= Pos(0, 0, barrel) * Rot(90, 0, 0) * Cylinder(s(4), _BEYOND)
+    body -= Pos(reach - BEYOND / 2, length / 2 - gap + BEYOND / 2, 0) * Box(BEYOND, BEYOND, BEYOND)
+    body -= Pos(0, 0, barrel) * Rot(90, 0, 0) * Cylinder(s(4), BEYOND)
     bore, sink = s(3), s(6)
     for y in (-1, 1):
         at = Pos(width * 0.68, y * length * 0.29, thick - (sink - bore))
-        body -= Pos(width * 0.68, y * length * 0.29, 0) * Cylinder(bore, _BEYOND)
+        body -= Pos(width * 0.68, y * length * 0.29, 0) * Cylinder(bore, BEYOND)
         body -= at * Cone(bore, sink, sink - bore, align=BOTTOM)
     return body
 
@@ -69,11 +67,11 @@ def bearing_cap(s: Sizes) -> Part:
     bore, wall, width, foot, length = s(18), s(8), s(26), s(12), s(86, 0.06)
     arch = extrude(Plane.XZ * Circle(bore + wall), width / 2, both=True)
     body = arch + Box(length, width, foot, align=BOTTOM)
-    body -= Box(_BEYOND, _BEYOND, _BEYOND, align=BOTTOM).mirror(Plane.XY)
-    body -= Rot(90, 0, 0) * Cylinder(bore, _BEYOND)
+    body -= Box(BEYOND, BEYOND, BEYOND, align=BOTTOM).mirror(Plane.XY)
+    body -= Rot(90, 0, 0) * Cylinder(bore, BEYOND)
     body -= Rot(90, 0, 0) * Cylinder(bore + wall * s(0.4), width * s(0.35))
     for x in (-1, 1):
-        body -= Pos(x * (length / 4 + (bore + wall) / 2), 0, 0) * Cylinder(s(3.6), _BEYOND)
+        body -= Pos(x * (length / 4 + (bore + wall) / 2), 0, 0) * Cylinder(s(3.6), BEYOND)
     return body
 
 
@@ -83,8 +81,8 @@ def clevis_fork(s: Sizes) -> Part:
     long = s(26)
     body = Box(2 * half, 2 * half, floor + cheek, align=BOTTOM)
     body += Pos(0, 0, floor + cheek) * Rot(90, 0, 0) * Cylinder(half, 2 * half)
-    body -= Pos(0, 0, floor) * Box(_BEYOND, gap, _BEYOND, align=BOTTOM)
-    body -= Pos(0, 0, floor + cheek) * Rot(90, 0, 0) * Cylinder(s(6.5), _BEYOND)
+    body -= Pos(0, 0, floor) * Box(BEYOND, gap, BEYOND, align=BOTTOM)
+    body -= Pos(0, 0, floor + cheek) * Rot(90, 0, 0) * Cylinder(s(6.5), BEYOND)
     body += Pos(0, 0, -long) * Cylinder(shank, long, align=BOTTOM)
     return body - Pos(0, 0, -long) * Cylinder(s(5.5), s(18), align=BOTTOM)
 
@@ -97,7 +95,7 @@ def t_nut(s: Sizes) -> Part:
         (-wide + bevel, 0), (wide - bevel, 0), (wide, bevel), (wide, low), (neck, low), (neck, high),
         (-neck, high), (-neck, low), (-wide, low), (-wide, bevel), depth=s(36),
     )  # fmt: skip
-    body -= Cylinder(bore, _BEYOND)
+    body -= Cylinder(bore, BEYOND)
     return body - Pos(0, 0, high - edge) * Cone(bore, bore + edge, edge, align=BOTTOM)
 
 
@@ -110,7 +108,7 @@ def flanged_bushing(s: Sizes) -> Part:
     )  # fmt: skip
     shoulder = [e for e in body.edges() if abs(e.center().Z - thick) < 1e-6 and abs(e.radius - outer) < 1e-6]
     body = fillet(shoulder, s(3.5))
-    return body - Pos(0, 0, high * 0.6) * Rot(0, 90, 0) * Cylinder(s(4), _BEYOND, align=BOTTOM)
+    return body - Pos(0, 0, high * 0.6) * Rot(0, 90, 0) * Cylinder(s(4), BEYOND, align=BOTTOM)
 
 
 def ribbed_base(s: Sizes) -> Part:
@@ -121,11 +119,11 @@ def ribbed_base(s: Sizes) -> Part:
     hole = s(3.6)
     for x in (-1, 1):
         for y in (-1, 1):
-            plate -= Pos(x * length * 0.39, y * width * 0.34, 0) * Cylinder(hole, _BEYOND)
+            plate -= Pos(x * length * 0.39, y * width * 0.34, 0) * Cylinder(hole, BEYOND)
     reach, top = length * s(0.42, 0.05), high * s(0.85, 0.08)
     ribs = profile((-reach, base), (reach, base), (boss * 0.8, top), (-boss * 0.8, top), depth=rib)
     body = plate + ribs + Cylinder(boss, high, align=BOTTOM)
-    return body - Pos(0, 0, high - s(20)) * Cylinder(s(8), _BEYOND, align=BOTTOM)
+    return body - Pos(0, 0, high - s(20)) * Cylinder(s(8), BEYOND, align=BOTTOM)
 
 
 def hex_bolt(s: Sizes) -> Part:

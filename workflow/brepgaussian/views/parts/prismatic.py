@@ -20,7 +20,7 @@ from build123d import (
 from brepgaussian.views.parts.sizes import Sizes
 
 BOTTOM = (Align.CENTER, Align.CENTER, Align.MIN)
-_BEYOND = 200.0  # mm: a cutting tool that passes through everything
+BEYOND = 200.0  # mm: a cutting tool that passes through everything
 
 
 def profile(*points: tuple[float, float], depth: float) -> Part:
@@ -31,15 +31,15 @@ def profile(*points: tuple[float, float], depth: float) -> Part:
 
 def block_hole(s: Sizes) -> Part:
     """A block with one through hole."""
-    return Box(s(60), s(40), s(30)) - Pos(s(6), s(3), 0) * Cylinder(s(10), _BEYOND)
+    return Box(s(60), s(40), s(30)) - Pos(s(6), s(3), 0) * Cylinder(s(10), BEYOND)
 
 
 def l_bracket(s: Sizes) -> Part:
     """Two legs, a hole in each."""
     length, width, height, wall = s(60), s(40), s(45), s(10)
     body = profile((0, 0), (length, 0), (length, wall), (wall, wall), (wall, height), (0, height), depth=width)
-    body -= Pos(length * 0.62, 0, 0) * Cylinder(s(7), _BEYOND)
-    return body - Pos(0, 0, height * 0.62) * Rot(0, 90, 0) * Cylinder(s(5.5), _BEYOND)
+    body -= Pos(length * 0.62, 0, 0) * Cylinder(s(7), BEYOND)
+    return body - Pos(0, 0, height * 0.62) * Rot(0, 90, 0) * Cylinder(s(5.5), BEYOND)
 
 
 def pocket_plate(s: Sizes) -> Part:
@@ -90,7 +90,7 @@ def polyhedron(s: Sizes) -> Part:
     body = Part() + Box(s(50), s(44), s(40))
     cuts = ((38, 20, 23), (-31, 40, 21.5), (145, -28, 22), (215, 25, 24.5), (-75, -42, 20))
     for azimuth, elevation, distance in cuts:
-        tool = Pos(s(distance, 0.06) + _BEYOND / 2, 0, 0) * Box(_BEYOND, _BEYOND, _BEYOND)
+        tool = Pos(s(distance, 0.06) + BEYOND / 2, 0, 0) * Box(BEYOND, BEYOND, BEYOND)
         body -= Rot(0, 0, azimuth if s.nominal else s(azimuth, 0.1)) * Rot(0, -s(elevation), 0) * tool
     return body
 
@@ -98,7 +98,7 @@ def polyhedron(s: Sizes) -> Part:
 def oblique_hole(s: Sizes) -> Part:
     """A block with a hole that is oblique to every face."""
     tilt = Rot(0, s(28), 0) if s.nominal else Rot(0, s(28), 0) * Rot(s(6), 0, 0)
-    return Box(s(56), s(44), s(32)) - tilt * Cylinder(s(9), _BEYOND)
+    return Box(s(56), s(44), s(32)) - tilt * Cylinder(s(9), BEYOND)
 
 
 def v_block(s: Sizes) -> Part:
@@ -138,7 +138,7 @@ def wedge_clamp(s: Sizes) -> Part:
     length, height, nose, width = s(66), s(34), s(9), s(38)
     body = profile((0, 0), (length, 0), (length, nose), (length * 0.3, height), (0, height), depth=width)
     slot = SlotOverall(s(40), s(13))
-    return body - Pos(length * 0.62, 0, -1) * extrude(slot, _BEYOND)
+    return body - Pos(length * 0.62, 0, -1) * extrude(slot, BEYOND)
 
 
 def gusset(s: Sizes) -> Part:
@@ -154,10 +154,10 @@ def countersink_plate(s: Sizes) -> Part:
     body = Box(length, width, height, align=BOTTOM)
     bore, sink = s(4.5), s(9.5)
     for x in (-length * 0.3, length * 0.3):
-        body -= Pos(x, 0, 0) * Cylinder(bore, _BEYOND)
+        body -= Pos(x, 0, 0) * Cylinder(bore, BEYOND)
         body -= Pos(x, 0, height - (sink - bore)) * Cone(bore, sink, sink - bore, align=BOTTOM)
     slot = Rot(0, 0, 90) * SlotOverall(s(24), s(9))
-    return body - Pos(0, 0, -1) * extrude(slot, _BEYOND)
+    return body - Pos(0, 0, -1) * extrude(slot, BEYOND)
 
 
 def pillow_block(s: Sizes) -> Part:
@@ -166,7 +166,7 @@ def pillow_block(s: Sizes) -> Part:
     body = Box(length, width, foot, align=BOTTOM) + Pos(0, 0, center / 2) * Box(2 * outer, width, center)
     arch = Plane.XZ * Circle(outer)
     body += Pos(0, 0, center) * extrude(arch, width / 2, both=True)
-    body -= Pos(0, 0, center) * Rot(90, 0, 0) * Cylinder(s(11), _BEYOND)
+    body -= Pos(0, 0, center) * Rot(90, 0, 0) * Cylinder(s(11), BEYOND)
     for x in (-1, 1):
-        body -= Pos(x * length * 0.38, 0, 0) * Cylinder(s(4.2), _BEYOND)
+        body -= Pos(x * length * 0.38, 0, 0) * Cylinder(s(4.2), BEYOND)
     return body

@@ -24,10 +24,8 @@ from build123d import (
     revolve,
 )
 
-from brepgaussian.views.parts.prismatic import BOTTOM
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
 from brepgaussian.views.parts.sizes import Sizes
-
-_BEYOND = 200.0  # mm: a cutting tool that passes through everything
 
 
 def turn(*points: tuple[float, float]) -> Part:
@@ -44,7 +42,7 @@ def hex_nut(s: Sizes) -> Part:
     drop = (corner * 1.2 - flat) * tan(radians(30))
     limit = corner * 1.2
     body &= turn((0, 0), (flat, 0), (limit, drop), (limit, height - drop), (flat, height), (0, height))
-    body -= Cylinder(bore, _BEYOND)
+    body -= Cylinder(bore, BEYOND)
     body -= Cone(bore + edge, bore, edge, align=BOTTOM)
     return body - Pos(0, 0, height - edge) * Cone(bore, bore + edge, edge, align=BOTTOM)
 
@@ -53,10 +51,10 @@ def flange(s: Sizes) -> Part:
     """A disc with a hub, a bore and a bolt circle."""
     radius, thick, hub, high, bolts = s(38, 0.08), s(11), s(18), s(28), s.count(6, 4, 8)
     body = Cylinder(radius, thick, align=BOTTOM) + Cylinder(hub, high, align=BOTTOM)
-    body -= Cylinder(s(10.5), _BEYOND)
+    body -= Cylinder(s(10.5), BEYOND)
     hole = s(4)
     for i in range(bolts):
-        body -= Rot(0, 0, 360 * i / bolts) * Pos((radius + hub) / 2, 0, 0) * Cylinder(hole, _BEYOND)
+        body -= Rot(0, 0, 360 * i / bolts) * Pos((radius + hub) / 2, 0, 0) * Cylinder(hole, BEYOND)
     return body
 
 
@@ -82,30 +80,30 @@ def ball_pin(s: Sizes) -> Part:
 def ring_groove(s: Sizes) -> Part:
     """A ring with a toroidal groove around it."""
     outer, height = s(30), s(26)
-    body = Cylinder(outer, height) - Cylinder(s(16), _BEYOND)
+    body = Cylinder(outer, height) - Cylinder(s(16), BEYOND)
     return body - Torus(outer, s(6.5))
 
 
 def slotted_ring(s: Sizes) -> Part:
     """A ring cut open by a radial slot."""
     outer, height = s(32), s(18)
-    body = Cylinder(outer, height) - Cylinder(s(20), _BEYOND)
-    return body - Pos(outer, 0, 0) * Box(2 * outer, s(11), _BEYOND)
+    body = Cylinder(outer, height) - Cylinder(s(20), BEYOND)
+    return body - Pos(outer, 0, 0) * Box(2 * outer, s(11), BEYOND)
 
 
 def cross_tee(s: Sizes) -> Part:
     """Two pipes of different diameters that cross, both bored."""
     long, side, reach = s(17), s(13), s(38)
     body = Rot(0, 90, 0) * Cylinder(long, s(76)) + Cylinder(side, reach, align=BOTTOM)
-    return body - Rot(0, 90, 0) * Cylinder(s(10), _BEYOND) - Cylinder(s(7), _BEYOND, align=BOTTOM)
+    return body - Rot(0, 90, 0) * Cylinder(s(10), BEYOND) - Cylinder(s(7), BEYOND, align=BOTTOM)
 
 
 def keyed_hub(s: Sizes) -> Part:
     """A hub with a keyway in its bore."""
     radius, thick, hub, bore, key = s(32), s(13), s(20), s(11), s(6.5)
     body = Cylinder(radius, thick, align=BOTTOM) + Cylinder(hub, s(30), align=BOTTOM)
-    body -= Cylinder(bore, _BEYOND)
-    return body - Pos(bore * 0.7, 0, 0) * Box(bore * 1.1, key, _BEYOND)
+    body -= Cylinder(bore, BEYOND)
+    return body - Pos(bore * 0.7, 0, 0) * Box(bore * 1.1, key, BEYOND)
 
 
 def o_ring_gland(s: Sizes) -> Part:
@@ -140,7 +138,7 @@ def d_shaft(s: Sizes) -> Part:
     radius, length, flat, edge = s(15), s(64), s(28), s(2)
     body = turn((0, 0), (radius, 0), (radius, length - edge), (radius - edge, length), (0, length))
     body -= Pos(radius * 1.55, 0, length - flat / 2) * Box(2 * radius, 2 * radius, flat + 0.02)
-    return body - Pos(0, 0, s(15)) * Rot(90, 0, 0) * Cylinder(s(5), _BEYOND)
+    return body - Pos(0, 0, s(15)) * Rot(90, 0, 0) * Cylinder(s(5), BEYOND)
 
 
 def link_rod(s: Sizes) -> Part:
@@ -158,14 +156,14 @@ def link_rod(s: Sizes) -> Part:
         Line(q, p),
     ]
     body = extrude(make_face(outline), thick)
-    body -= Cylinder(s(10), _BEYOND)
-    return body - Pos(span, 0, 0) * Cylinder(s(5.5), _BEYOND)
+    body -= Cylinder(s(10), BEYOND)
+    return body - Pos(span, 0, 0) * Cylinder(s(5.5), BEYOND)
 
 
 def knob(s: Sizes) -> Part:
     """A spherical cap on a cone with a blind hole."""
     ball, cut, neck = s(24), s(15), s(10)
-    body = Sphere(ball) - Pos(0, 0, -cut) * Box(_BEYOND, _BEYOND, _BEYOND, align=BOTTOM).mirror(Plane.XY)
+    body = Sphere(ball) - Pos(0, 0, -cut) * Box(BEYOND, BEYOND, BEYOND, align=BOTTOM).mirror(Plane.XY)
     base = (ball**2 - cut**2) ** 0.5
     stem = s(22)
     body += Pos(0, 0, -cut - stem) * Cone(neck, base * 0.85, stem, align=BOTTOM)
