@@ -211,3 +211,26 @@ def test_a_face_on_which_nothing_needed_stands_is_left_alone(monkeypatch):
     monkeypatch.setattr(flatten, "_needed", lambda views, samples, after: np.zeros(len(samples), bool))
     assert flatten._allowed(None, face, above, 0.01, None) is face
     assert flatten._allowed(None, face, above[:0], 0.01, None) is face
+
+
+def test_silhouettes_tell_a_bulge_from_a_rib():
+    cameras = ring_of_cameras()
+    base = trimesh.creation.box(bounds=[[0.2, 0.2, 0.3], [0.8, 0.8, 0.5]])
+    rib = trimesh.creation.box(bounds=[[0.45, 0.2, 0.5], [0.5, 0.8, 0.7]])
+    hull = trimesh.creation.box(bounds=[[0.4, 0.2, 0.5], [0.55, 0.8, 0.7]])
+    part = trimesh.util.concatenate([base, rib])
+    scene = Scene(part.vertices, part.faces)
+    alpha = np.zeros((len(cameras), SIZE, SIZE), np.uint8)
+    rows, columns = np.mgrid[:SIZE, :SIZE] + 0.5
+    for view in range(len(cameras)):
+        center, rays = cameras.rays(view, np.column_stack([columns.ravel(), rows.ravel()]))
+        alpha[view] = 255 * scene.occluded(np.broadcast_to(center, rays.shape), rays).reshape(SIZE, SIZE)
+    views = SimpleNamespace(cameras=cameras, alpha=alpha)
+    lattice = Lattice(np.array([0.2, 0.2, 0.5]), *np.eye(3), 0.01, (60, 60))
+    beside, all_over = np.ones((60, 60), bool), np.ones((60, 60), bool)
+    beside[25:30] = False  # where the rib stands
+    samples = hull.sample(20000, seed=0)
+    face = Face(lattice, beside, 0.0, 0.2)
+    assert flatten._allowed(views, face, samples, 0.02, scene) is face
+    without = Scene(base.vertices, base.faces)
+    assert flatten._allowed(views, Face(lattice, all_over, 0.0, 0.2), samples, 0.02, without) is None
