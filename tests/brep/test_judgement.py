@@ -2,7 +2,7 @@
 
 import pytest
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.judgement import leaves_points, short_of
+from brepgaussian.brep.judgement import against, leaves_points, short_of
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
@@ -28,6 +28,16 @@ def solid(on_solid, px, accepted=False, doubts=()):
 )
 def test_points_decide_where_the_images_do_not(new, old, taken):
     assert (short_of(new, old, BrepSettings()) == "") == taken
+
+
+@pytest.mark.parametrize(
+    ("pixels", "lost", "taken"), [(80_000, 1e-4, True), (80_000, 3e-4, False), (8_000_000, 1e-4, False)]
+)
+def test_a_few_pixels_on_the_border_do_not_refuse_a_simpler_solid(pixels, lost, taken):
+    old, new = solid(0.99, 0.02, True), solid(0.99, 0.02, True)
+    old.report["mask_pixels"] = pixels
+    new.report["mask_iou"] -= lost
+    assert (against(new, old, BrepSettings()) == "") == taken
 
 
 def test_a_solid_that_leaves_out_a_face_is_worth_other_explanations():

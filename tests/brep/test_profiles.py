@@ -21,12 +21,13 @@ def turned(surface, axis, middle, radii, heights, count, rng):
     return xyz + rng.normal(0, NOISE, xyz.shape), normals + rng.normal(0, 0.05, normals.shape)
 
 
-def as_torus(xyz, normals, about):
+def as_patch(xyz, normals, about):
     return Patch(about, 3, xyz, normals, 0.02, about.rms(xyz))
 
 
 @pytest.mark.parametrize("seed", [31, 32, 33])
-def test_a_countersink_and_its_throat_come_apart(seed):
+@pytest.mark.parametrize("kind", ["torus", "cone"])
+def test_a_countersink_and_its_throat_come_apart(seed, kind):
     rng = np.random.default_rng(seed)
     axis, middle = unit(rng.normal(size=3)), rng.uniform(0.4, 0.6, 3)
     sink = cone(middle, axis, 0.05, np.radians(45), flipped=True)
@@ -40,7 +41,8 @@ def test_a_countersink_and_its_throat_come_apart(seed):
     leaning = torus(arc.origin, unit(axis + 0.03 * rng.normal(size=3)), arc.radius, arc.minor, arc.flipped)
     face = plane(middle + 0.04 * axis, axis)
     top = turned(face, axis, middle, (0.09, 0.2), (0.04, 0.04), 800, rng)
-    patches = [Patch(face, 0, *top, 0.02, NOISE), as_torus(xyz, normals, leaning)]
+    own = leaning if kind == "torus" else fit_robust("cone", xyz, normals, NOISE)[0]
+    patches = [Patch(face, 0, *top, 0.02, NOISE), as_patch(xyz, normals, own)]
     (change,) = straightened(patches)
     assert change.gone == (1,)
     assert len({0, *(p.primitive for p in change.new)}) == 3
@@ -61,4 +63,12 @@ def test_a_fillet_stays_a_torus(seed):
     xyz = np.column_stack([r * np.cos(turn), r * np.sin(turn), z]) + rng.normal(0, NOISE, (1500, 3))
     fillet = torus(np.array([0, 0, 0.05]), np.array([0, 0, 1.0]), 0.25, 0.05, True)
     surface = fit_robust("torus", xyz, fillet.normals(xyz), NOISE)[0]
-    assert straightened([as_torus(xyz, surface.normals(xyz), surface)]) == []
+    assert straightened([as_patch(xyz, surface.normals(xyz), surface)]) == []
+
+
+@pytest.mark.parametrize("seed", [51, 52])
+def test_a_cone_stays_a_cone(seed):
+    rng = np.random.default_rng(seed)
+    sink = cone(np.zeros(3), np.array([0, 0, 1.0]), 0.05, np.radians(40), flipped=True)
+    points = turned(sink, sink.axis, np.zeros(3), (0.05, 0.05 + 0.06 * np.tan(sink.angle)), (0, 0.06), 800, rng)
+    assert straightened([as_patch(*points, sink)]) == []

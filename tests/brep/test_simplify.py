@@ -69,6 +69,21 @@ def test_a_bent_plane_is_straightened(block, bent):
     assert abs(found[0].new[0].surface.axis[2]) == pytest.approx(1, abs=1e-4)
 
 
+@pytest.mark.parametrize(("taper", "kind"), [(0.1, "cylinder"), (3.0, None)])
+def test_the_refined_surface_tells_what_rounded_points_do_not(block, taper, kind):
+    patches = patches_of(block)
+    hole = patches[6]
+    bell = cone(hole.surface.origin, hole.surface.axis, hole.surface.radius, np.radians(8), hole.surface.flipped)
+    patches[6] = replace(hole, surface=bell, xyz=bell.project(hole.xyz))
+    assert [c for c in proposals(patches, SIGMA / 2, 0) if c.gone == (6,)] == []
+    drafted = replace(bell, angle=np.radians(taper))
+    refined = [*(p.surface for p in patches[:6]), drafted]
+    found = [c.new[0].surface for c in proposals(patches, SIGMA / 2, 0, refined) if c.gone == (6,)]
+    assert [s.kind for s in found] == ([kind] if kind else [])
+    if found:
+        assert found[0].radius == pytest.approx(hole.surface.radius, abs=1e-3)
+
+
 def test_changes_of_one_patch_are_not_taken_together(block):
     job = make_job(_no_views(), block.points, block.primitives, BrepSettings())
     fringe = replace(job.patches[0], xyz=job.patches[0].xyz[:40], normals=job.patches[0].normals[:40], primitive=77)

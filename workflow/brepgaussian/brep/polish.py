@@ -180,6 +180,7 @@ def _figures(test: Any) -> dict[str, Any]:
     return {
         "silhouette_px": px if px == px else None,
         "mask_iou": float(test.mask_iou),
+        "mask_pixels": int(test.mask_pixels),
         "astray": float(test.astray),
         "accepted": bool(test.accepted),
     }

@@ -1,7 +1,8 @@
-"""Tori that are two straight faces of revolution under one label, such as a countersink and its throat.
+"""Patches that are two straight faces of revolution under one label, such as a countersink and its throat.
 
 A narrow cone and the short cylinder below it have one grey, and the points round off the edge between them: a torus
-explains both. Two straight pieces of the profile - distance from the axis over height - explain it as well.
+explains both, and a cone does badly. Two straight pieces of the profile - distance from the axis over height -
+explain it as well as the torus, and better than the cone.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,9 @@ from brepgaussian.geometry.surfaces import Surface, cone, cylinder, plane
 Array = NDArray[np.float64]
 
 _ALONG = np.cos(np.radians(8.0))  # between the torus's axis and the normal of a plane beside it, which knows it better
-_AS_WELL = 1.1  # residuals of two lines over the torus's: .9-1.0 for countersinks, from 1.2 for fillets
+# Residuals of two lines over the surface's own. Torus: .9-1.0 for countersinks, from 1.2 for fillets. Of a straight
+# surface two lines explain any bulge better (.8-1.0): .5-.7 for countersinks.
+_AS_WELL = {"torus": 1.1, "cone": 0.75, "cylinder": 0.75}
 _LEAST_SHARE = 0.1  # of the points on each piece
 _LEAST_POINTS = 20
 _LEAST_TURN = np.radians(10.0)  # between the pieces
@@ -26,11 +29,11 @@ _SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, i
 
 
 def straightened(patches: Sequence[Patch]) -> list[Change]:
-    """One change for every torus that is two straight pieces: a patch for each of them in its place."""
+    """One change for every patch that is two straight pieces: a patch for each of them in its place."""
     result: list[Change] = []
     number = max((p.primitive for p in patches), default=0) + 1
     for i, patch in enumerate(patches):
-        if patch.surface.kind != "torus":
+        if patch.surface.kind not in _AS_WELL:
             continue
         pieces = _pieces(patch, [p for k, p in enumerate(patches) if k != i])
         if pieces is not None:
@@ -41,7 +44,7 @@ def straightened(patches: Sequence[Patch]) -> list[Change]:
 
 
 def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None:
-    """The two straight pieces of a torus, or None if its profile is rather an arc."""
+    """The two straight pieces of a patch, or None if its own surface explains the profile better."""
     axis, through = _axis(patch, others)
     offset = patch.xyz - through
     height = offset @ axis
@@ -59,7 +62,7 @@ def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None
         return None
     before, after = _misfits(profile), _misfits(profile[::-1])[::-1]
     at = least + int(np.argmin(before[least - 1 : count - least] + after[least : count - least + 1]))
-    if np.sqrt((before[at - 1] + after[at]) / count) > _AS_WELL * patch.surface.rms(patch.xyz):
+    if np.sqrt((before[at - 1] + after[at]) / count) > _AS_WELL[patch.surface.kind] * patch.surface.rms(patch.xyz):
         return None
     found = []
     for part in (slice(0, at), slice(at, count)):

@@ -29,6 +29,7 @@ SIMPLER = {
 COMPLEXITY = {"plane": 0, "cylinder": 1, "sphere": 1, "cone": 2, "torus": 3}
 _QUANTILE = 0.7  # of distances: the rest may be wrong labels and rounded-off borders
 _SIGMAS = 3.0  # noises, or own distances, within which the simpler surface must explain a patch
+_WITHIN = 1.5  # noises that a simpler surface may be off the one that the images have refined
 _TURN = np.cos(np.radians(20.0))  # and its normals agree with those of the points, in the median
 _TOUCH = 2.0  # of reach: patches this near to each other are neighbours
 _MOST_FITTED = 1500  # points of a patch that a proposal is fitted to
@@ -51,10 +52,27 @@ class Change:
     new: tuple[Patch, ...]
 
 
-def proposals(patches: Sequence[Patch], noise: float, seed: int) -> list[Change]:
-    """All changes that the points allow: merges of neighbours, then simpler kinds, then small patches left out."""
+def proposals(patches: Sequence[Patch], noise: float, seed: int, refined: Sequence[Surface] = ()) -> list[Change]:
+    """All changes that the points allow: merges of neighbours, then simpler kinds, then small patches left out.
+
+    Args:
+        patches: of the present solid.
+        noise: of the points.
+        seed: of the fits.
+        refined: the patches' surfaces as the images have them: a cone that tapers less than the noise is a cylinder,
+            although points that are rounded off at one end are not.
+    """
     rng = np.random.default_rng(seed)
-    return [*_merges(patches, noise, rng), *_kinds(patches, noise, rng), *_drops(patches, noise)]
+    kinds = list(_kinds(patches, noise, rng))
+    known = {i for change in kinds for i in change.gone}
+    moved = [_on(patch, surface) for patch, surface in zip(patches, refined, strict=False)]
+    straight = [c for c in _kinds(moved, noise, rng, _WITHIN) if c.gone[0] not in known]
+    return [*_merges(patches, noise, rng), *kinds, *straight, *_drops(patches, noise)]
+
+
+def _on(patch: Patch, surface: Surface) -> Patch:
+    """A patch with its points moved onto its refined surface."""
+    return replace(patch, surface=surface, xyz=surface.project(patch.xyz), normals=surface.normals(patch.xyz))
 
 
 def applied(job: Job, changes: Sequence[Change]) -> Job:
@@ -124,12 +142,14 @@ def _alike(large: Patch, small: Patch, noise: float) -> bool:
     return off < 2 * _SIGMAS * max(noise, large.sigma, small.sigma) and turn > _TURN
 
 
-def _kinds(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
-    """Patches that a simpler kind explains; the simplest that does."""
+def _kinds(
+    patches: Sequence[Patch], noise: float, rng: np.random.Generator, sigmas: float = _SIGMAS
+) -> Iterator[Change]:
+    """Patches that a simpler kind explains to within some noises; the simplest that does."""
     for index, patch in enumerate(patches):
         for kind in SIMPLER[patch.surface.kind]:
             surface = _fitted(kind, [patch], noise, rng)
-            if surface is not None and _explains(surface, patch, noise):
+            if surface is not None and _explains(surface, patch, noise, sigmas):
                 yield Change(f"patch {patch.primitive} as a {kind}", (index,), (joined(surface, [patch]),))
                 break
 
@@ -165,9 +185,9 @@ def _typical(surface: Surface, patch: Patch) -> float:
     return float(np.quantile(np.abs(surface.signed_distance(patch.xyz)), _QUANTILE))
 
 
-def _explains(surface: Surface, patch: Patch, noise: float) -> bool:
+def _explains(surface: Surface, patch: Patch, noise: float, sigmas: float = _SIGMAS) -> bool:
     """Whether a surface is nearly as good for a patch as its own."""
-    limit = _SIGMAS * max(noise, _typical(patch.surface, patch))
+    limit = sigmas * max(noise, _typical(patch.surface, patch))
     turn = np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals)
     return _typical(surface, patch) <= limit and float(np.median(turn)) > _TURN
 

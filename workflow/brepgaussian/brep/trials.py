@@ -64,7 +64,7 @@ class Trials:
 
     def _proposals(self) -> list[Change]:
         noise = float(np.median([p.sigma for p in self.job.patches]))
-        return proposals(self.job.patches, noise, self.job.settings.seed)
+        return proposals(self.job.patches, noise, self.job.settings.seed, self.best.attempt.surfaces)
 
     @staticmethod
     def _groups(changes: list[Change]) -> list[list[Change]]:

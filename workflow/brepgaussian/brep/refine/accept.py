@@ -45,6 +45,7 @@ class Acceptance:
         mask_iou: IoU of the silhouettes over all views.
         astray: share of the silhouettes' pixels that are wrong and clear of all borders.
         accepted: all within their limits.
+        mask_pixels: pixels that the masks' figures count.
         edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
         faces: per face: the worst of its edges' medians and the number of samples seen.
     """
@@ -53,6 +54,7 @@ class Acceptance:
     mask_iou: float
     astray: float
     accepted: bool
+    mask_pixels: int = 0
     edges: list[dict[str, object]] = field(default_factory=list)
     faces: list[dict[str, object]] = field(default_factory=list)
 
@@ -142,4 +144,4 @@ def judge(
     worst = max(medians, default=float("nan"))
     outlines = masks.iou > settings.accept_iou and masks.astray < settings.accept_astray
     good = bool(worst < settings.accept_silhouette_px and outlines)
-    return Acceptance(worst, masks.iou, masks.astray, good, table, faces)
+    return Acceptance(worst, masks.iou, masks.astray, good, masks.pixels, table, faces)

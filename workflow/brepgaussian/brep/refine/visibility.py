@@ -145,10 +145,12 @@ class Masks:
             more about the length of the borders than about what is missing.
         astray: share of the union's pixels that are wrong although no border of the view's silhouette is within
             `ASTRAY_PX`: a hole, a slot, a body that the solid lacks or has too much. None in a right solid.
+        pixels: of the union that were compared.
     """
 
     iou: float
     astray: float
+    pixels: int
 
 
 def compare_masks(
@@ -158,7 +160,7 @@ def compare_masks(
     views = len(cameras)
     rows, columns = np.flatnonzero(alpha.max(axis=(0, 2))), np.flatnonzero(alpha.max(axis=(0, 1)))
     if len(rows) == 0:
-        return Masks(0.0, 0.0)
+        return Masks(0.0, 0.0, 0)
     pad = 8  # the solid may reach a little beyond every silhouette
     low = np.maximum([rows[0] - pad, columns[0] - pad], 0)
     high = np.minimum([rows[-1] + pad, columns[-1] + pad], alpha.shape[1:])
@@ -174,7 +176,7 @@ def compare_masks(
         either += int((model | image).sum())
         wrong = model != image
         astray += _clear_of_borders(alpha[view] > 127, y.ravel()[wrong], x.ravel()[wrong])
-    return Masks(both / max(either, 1), astray / max(either, 1))
+    return Masks(both / max(either, 1), astray / max(either, 1), either)
 
 
 def _clear_of_borders(mask: NDArray[np.bool_], rows: Indices, columns: Indices) -> int:
