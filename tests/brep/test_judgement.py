@@ -19,6 +19,8 @@ def solid(on_solid, px, accepted=False, doubts=()):
         (solid(0.99, 0.51), solid(0.90, 0.50), True),  # a pocket that no silhouette shows
         (solid(0.99, 0.51, doubts=("patch 3",)), solid(0.90, 0.50), False),
         (solid(0.91, 0.51), solid(0.90, 0.50), False),
+        (solid(0.91, 0.51), solid(0.90, 0.50, doubts=("patch 3",)), True),  # a small face that the other lacks
+        (solid(0.90, 0.51), solid(0.90, 0.50, doubts=("patch 3",)), False),
         (solid(0.99, 0.80), solid(0.90, 0.50), False),  # the images tell the two apart
         (solid(0.99, 0.05, True), solid(0.95, 0.03, True), True),
         (solid(0.99, 0.50), solid(0.90, 0.05, True), False),

@@ -6,7 +6,7 @@ from brepgaussian.brep.job import Job
 from brepgaussian.brep.ladder import bared
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.skins import skins
-from brepgaussian.geometry.surfaces import plane
+from brepgaussian.geometry.surfaces import cylinder, plane
 from brepgaussian.settings.brep import BrepSettings
 
 NOISE = 0.001
@@ -60,3 +60,14 @@ def test_a_job_without_its_skins_keeps_them_as_evidence():
     assert job.patches == patches[:2]
     assert job.left_out == patches[2:]
     assert list(bared(job)) == []
+
+
+@pytest.mark.parametrize(("radius", "found"), [(0.02, (2,)), (0.09, ())])
+def test_a_fillet_deeper_than_a_hull_rounds_is_a_face(radius, found):
+    walls = corner(45, 1)[:2]
+    turn, along = RNG.uniform(np.pi, 1.5 * np.pi, 60), RNG.uniform(-0.25, 0.25, 60)
+    outward = -np.column_stack([np.cos(turn), np.zeros(60), np.sin(turn)])
+    axis = np.array([radius, 0.0, radius])
+    xyz = axis - radius * outward + np.outer(along, [0, 1, 0])
+    fillet = cylinder(axis, np.array([0, 1.0, 0]), radius, flipped=True)
+    assert skins([*walls, Patch(fillet, 0, xyz, outward, 0.03, NOISE)]) == found

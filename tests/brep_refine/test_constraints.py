@@ -92,3 +92,60 @@ def test_a_circle_that_touches_planes_is_found():
     wide = list(surfaces)
     wide[0] = update(wide[0], np.array([0, 0, 0.001]))
     assert value(Tie("inscribed", (8, 7, 0)), wide)[0] == pytest.approx(-0.001, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def chamfered():
+    """A box whose upper edges are chamfered: chamfers and sides meet in corners of four."""
+    b = build123d
+    box = b.Solid.make_box(1, 0.8, 0.5)
+    solid = unit_solid(b.chamfer(b.Part(box.wrapped).faces().sort_by(b.Axis.Z)[-1].edges(), 0.05))
+    surfaces = surfaces_of(solid)
+    return extract(solid, surfaces), surfaces
+
+
+def test_corners_of_four_faces_are_tied(chamfered):
+    structure, surfaces = chamfered
+    corners = [t for t in detect(structure, surfaces, tolerances(surfaces)) if t.kind == "corner"]
+    assert len(corners) == 4
+    assert all({len(t.members) for t in corners} == {4} for t in corners)
+    assert all(abs(value(t, surfaces)[0]) < 1e-12 for t in corners)
+    for tie in corners:  # a face that moves along its normal leaves the corner
+        for place, index in enumerate(tie.members):
+            moved = list(surfaces)
+            moved[index] = update(moved[index], np.array([0, 0, 1e-4]))
+            assert 1e-5 < abs(value(tie, moved)[0]) < 1e-4, place
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_corner_torn_apart_is_one_again(chamfered, seed):
+    structure, surfaces = chamfered
+    now = list(perturbed(surfaces, seed, 0.02, 2e-4))
+    ties = [t for t in detect(structure, now, tolerances(now)) if t.kind == "corner"]
+    assert len(ties) == 4
+    start = np.concatenate([[0], np.cumsum([COUNT[s.kind] for s in surfaces])])
+    for _ in range(4):
+        rows = tie_rows(ties, now)
+        matrix = np.zeros((len(rows), start[-1]))
+        for i, (columns, _) in enumerate(rows):
+            for index, slope in columns.items():
+                matrix[i, start[index] : start[index + 1]] += slope
+        delta = np.linalg.lstsq(matrix, -np.array([off for _, off in rows]), rcond=1e-9)[0]
+        now = [update(s, delta[a:b]) for s, a, b in zip(now, start[:-1], start[1:], strict=True)]
+    for tie in ties:  # an independent look: the point of three planes lies on the fourth
+        planes = [now[i] for i in tie.members]
+        normals, offsets = np.array([p.axis for p in planes]), np.array([p.axis @ p.origin for p in planes])
+        for left_out in range(4):
+            rest = [k for k in range(4) if k != left_out]
+            if abs(np.linalg.det(normals[rest])) > 0.05:
+                point = np.linalg.solve(normals[rest], offsets[rest])
+                assert abs(normals[left_out] @ point - offsets[left_out]) < 1e-9
+
+
+def test_a_narrow_chamfer_is_no_torn_corner():
+    b = build123d
+    box = b.Solid.make_box(1, 0.8, 0.5)
+    edge = box.edges().filter_by(b.Axis.Y).sort_by(b.Axis.Z)[-1]
+    solid = unit_solid(box.chamfer(0.006, None, [edge]))
+    surfaces = surfaces_of(solid)
+    assert not [t for t in detect(extract(solid, surfaces), surfaces, tolerances(surfaces)) if t.kind == "corner"]

@@ -5,6 +5,7 @@ import math
 import pytest
 from brepgaussian.errors import InputError
 from brepgaussian.views.parts import HOLDOUT, PARTS, build_part, parse_part
+from scipy.integrate import quad
 
 REQUIRED = (
     "block_hole l_bracket hex_nut flange stepped_shaft pocket_plate u_channel counterbore fillet_bracket "
@@ -156,10 +157,48 @@ def test_a_rack_bar_has_the_volume_of_the_formula():
     assert build_part("rack_bar").volume == pytest.approx(section * 15 - holes, rel=1e-9)
 
 
+def over(function, reach):
+    """Integral of a function of y over -reach..reach."""
+    return quad(function, -reach, reach, limit=200)[0]
+
+
+def test_a_chamfered_plate_has_the_volume_of_the_formula():
+    top = (70 * 44 + 4 * 68 * 42 + 66 * 40) / 6 * 2  # of a frustum with the chamfers
+    cut = 12 * (20 * 10 + math.pi * 25) + 2 * math.pi * (3.2**2 * 12 + 4**2 * 7)
+    assert build_part("chamfered_plate").volume == pytest.approx(70 * 44 * 10 + top - cut, rel=1e-9)
+
+
+def test_a_keyway_journal_has_the_volume_of_the_formula():
+    body = frustum(12.5, 14, 1.5) + math.pi * (14**2 * 32.5 + 10**2 * 26.8) + frustum(10, 8.8, 1.2)
+    key = over(lambda y: (12 + 2 * math.sqrt(9 - y * y)) * (math.sqrt(14**2 - y * y) - 10), 3)
+    assert build_part("keyway_journal").volume == pytest.approx(body - key, rel=1e-6)
+
+
+def test_a_milled_cover_has_the_volume_of_the_formula():
+    plate = (64 * 48 - (4 - math.pi) * 8**2) * 14
+    pocket = (42 * 28 - (4 - math.pi) * 6**2) * 9
+    assert build_part("milled_cover").volume == pytest.approx(plate - pocket - 4 * math.pi * 2.6**2 * 14, rel=1e-9)
+
+
+def test_a_guide_block_has_the_volume_of_the_formula():
+    block = 60 * (36 * 34 - 2 * 8 - 10 * 12 - 8 * 5)
+    slot = (11.5 * 6.5 + math.pi * 3.25**2) * 22
+    assert build_part("guide_block").volume == pytest.approx(block - slot - math.pi * 25 * 36, rel=1e-9)
+
+
+def test_a_coupling_hub_has_the_volume_of_the_formula():
+    body = math.pi * (30**2 * 8 + 16**2 * 16.5) + frustum(16, 14.5, 1.5) - math.pi * 8**2 * 26
+    key = 26 * over(lambda y: 11 - math.sqrt(64 - y * y), 2.5)
+    slot = 8 * over(lambda y: math.sqrt(900 - y * y) - 25.5, 3)
+    screw = over(lambda x: 2 * math.sqrt(2.4**2 - x * x) * (math.sqrt(256 - x * x) - math.sqrt(64 - x * x)), 2.4)
+    holes = 4 * math.pi * 2.7**2 * 8
+    assert build_part("coupling_hub").volume == pytest.approx(body - key - slot - screw - holes, rel=1e-5)  # of splines
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 53
+    assert len(PARTS) == 58
     assert len(held_out) * 3 >= len(PARTS)
 
 

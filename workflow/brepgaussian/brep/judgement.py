@@ -64,8 +64,14 @@ def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:
 
 
 def explains_more(new: Attempt, old: Attempt) -> bool:
-    """Whether a solid without doubts explains points that another one leaves out: pockets that no silhouette shows."""
-    return not new.verdict.doubts and new.verdict.on_solid > old.verdict.on_solid + _MORE_POINTS
+    """Whether a solid without doubts explains what another one leaves out: pockets that no silhouette shows.
+
+    A patch that has no face in it is a doubt about it, however few its points are.
+    """
+    return not new.verdict.doubts and (
+        new.verdict.on_solid > old.verdict.on_solid + _MORE_POINTS
+        or (bool(old.verdict.doubts) and new.verdict.on_solid > old.verdict.on_solid)
+    )
 
 
 def leaves_points(attempt: Attempt) -> bool:

@@ -204,8 +204,9 @@ class Search:
 
 
 def _beyond_doubt(best: Polished) -> bool:
-    """Whether neither the points nor the images have anything against a solid."""
-    return not best.attempt.verdict.doubts and best.report.get("accepted") is not False
+    """Whether neither the points, those of patches that were left out included, nor the images object to a solid."""
+    known = best.report.get("accepted") is not False and not leaves_points(best.attempt)
+    return known and not best.attempt.verdict.doubts
 
 
 def _hopeless(job: Job, best: Polished) -> bool:
@@ -222,6 +223,10 @@ def _worse(new: Polished, old: Polished | None, settings: BrepSettings) -> str:
         return "" if new.attempt.verdict.score > old.attempt.verdict.score else "the points agree less"
     if new.report.get("accepted") and not old.report.get("accepted"):
         return ""  # of a solid that the images refuse, edges that they seem to show prove little
+    if new.attempt.verdict.doubts and not old.attempt.verdict.doubts:
+        return "it leaves out patches"
+    if new.attempt.verdict.bare > old.attempt.verdict.bare + settings.gate_bare:
+        return "more of its area has no points"
     if size(new.attempt) < size(old.attempt):
         return against(new, old, settings)
     return short_of(new, old, settings)

@@ -23,6 +23,9 @@ _SLACK = 3.0  # noises behind a wall that a point before it may seem to lie
 _BETWEEN = np.cos(np.radians(80.0))  # a skin's normals (median) are nearer than this to those of both walls,
 _ASIDE = np.sin(np.radians(25.0))  # and this near to the plane of the two
 _LEAST_CORNER = np.cos(np.radians(30.0))  # between the walls' normals
+_ROUNDED = 0.012  # unit frame, two voxels of a hull: skins like fillets lie up to .007 before their walls, fillets of
+# milled pockets .020 and more. Flat skins may be as deep as a hull bulges.
+_DEEPEST = 0.9  # quantile
 _TINY = 1e-12
 
 
@@ -51,8 +54,9 @@ def _doubtful(patch: Patch, noise: float, total: int) -> bool:
 def _hides(skin: Patch, first: Patch, second: Patch, noise: float) -> bool:
     """Whether a patch hides an inner edge between two walls."""
     slack = _SLACK * max(noise, first.sigma, second.sigma)
-    before = [wall.surface.signed_distance(skin.xyz) > -slack for wall in (first, second)]
-    if np.mean(before[0] & before[1]) < _SHARE:
+    pair = first, second
+    before = [wall.surface.signed_distance(skin.xyz) > -slack for wall in pair]
+    if np.mean(before[0] & before[1]) < _SHARE or (skin.surface.kind == "cylinder" and _depth(skin, pair) > _ROUNDED):
         return False
     beside = [wall.surface.normals(skin.xyz) for wall in (first, second)]
     near = [float(np.median(_cosine(n, skin.normals))) for n in beside]
@@ -60,6 +64,12 @@ def _hides(skin: Patch, first: Patch, second: Patch, noise: float) -> bool:
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), _TINY)
     aside = float(np.median(np.abs(_cosine(across, skin.normals))))
     return min(near) > _BETWEEN and aside < _ASIDE and float(np.median(_cosine(beside[0], beside[1]))) < _LEAST_CORNER
+
+
+def _depth(skin: Patch, walls: tuple[Patch, Patch]) -> float:
+    """How far a patch lies before the nearer of two walls where it is farthest from their edge."""
+    away = np.minimum(*(wall.surface.signed_distance(skin.xyz) for wall in walls))
+    return float(np.quantile(away, _DEEPEST))
 
 
 def _cosine(first: Array, second: Array) -> Array:

@@ -1,8 +1,9 @@
 """The truth-free acceptance test: do all edges and silhouettes of a solid agree with the images?
 
-Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel, the masks' IoU
-is above .998, and next to no pixel is wrong that lies clear of the masks' borders. Global residuals do not show a
-failure: the worst edge does, and where an edge is missing altogether, the hole that it would bound.
+Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel (a little more where
+few samples tell it), the masks' IoU is above .998, and next to no pixel is wrong that lies clear of the masks'
+borders. Global residuals do not show a failure: the worst edge does, and where an edge is missing altogether, the hole
+that it would bound.
 """
 
 from collections.abc import Sequence
@@ -34,6 +35,7 @@ Array = NDArray[np.float64]
 
 WINDOW_PX = 6.0  # search; an edge that is not found within it counts as this far off
 _LEAST_SEEN = 8  # silhouette samples below which an edge is not judged
+_FEW = 2.0  # over the root of their number: share of the limit by which the median of so few samples is uncertain
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ def judge(
     groups = np.unique(seen.rays.group)
     table: list[dict[str, object]] = []
     around: dict[int, list[tuple[float, int]]] = {}
-    medians = []
+    medians, sure = [], True
     for group, name in zip(groups, group_names(structure, groups), strict=True):
         mine = seen.rays.group == group
         silhouette = residual[mine & outline]
@@ -130,6 +132,7 @@ def judge(
         )
         if median is not None:
             medians.append(median)
+            sure &= median < settings.accept_silhouette_px * (1 + _FEW / np.sqrt(len(silhouette)))
         edge = structure.edges[group].faces if group < len(structure.edges) else (group - len(structure.edges),)
         for face in edge:
             around.setdefault(int(face), []).append((median if median is not None else 0.0, int(mine.sum())))
@@ -143,5 +146,5 @@ def judge(
     ]
     worst = max(medians, default=float("nan"))
     outlines = masks.iou > settings.accept_iou and masks.astray < settings.accept_astray
-    good = bool(worst < settings.accept_silhouette_px and outlines)
+    good = bool(medians and sure and outlines)
     return Acceptance(worst, masks.iou, masks.astray, good, masks.pixels, table, faces)

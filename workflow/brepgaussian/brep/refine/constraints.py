@@ -1,7 +1,7 @@
 """Regularities between surfaces as equations of the refinement.
 
 Two kinds: tangency, which the structure itself tells (a smooth edge), and relations that surfaces keep
-within tolerances: parallel, perpendicular, coaxial, equal radius, coplanar.
+within tolerances: parallel, perpendicular, coaxial, equal radius, coplanar, four surfaces through one corner.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +21,9 @@ Row = tuple[dict[int, Array], float]  # derivative by each surface's parameters,
 _DIFFERENCE = 1e-6  # of the numeric derivative
 _TANGENT_SAMPLES = 5  # on a smooth edge
 _SQUARE = np.radians(2.0)
+_SHORT_EDGE = 0.005  # unit frame, three pixels of an 800-px view: its ends may be one corner
+_ONE_CORNER = 1e-3  # unit frame, half a pixel: surfaces that miss a common point by less are meant to meet there
+_LEAST_CORNER = 0.1  # singular value of the normals at a corner: below, they hardly determine a point
 _TANGENT_ANGLE = np.radians(20.0)  # smooth edges that deviate more are creases of low angle
 
 
@@ -42,12 +45,28 @@ class Tie:
     Attributes:
         kind: `parallel`, `perpendicular`, `coaxial`, `coplanar`, `equal_radius`, `equal_minor`, `equal_angle`
             of two surfaces; `inscribed` of a cone, the plane that cuts it in a circle, and a plane that
-            touches the circle (a nut's chamfer).
+            touches the circle (a nut's chamfer); `corner` of four surfaces through one point (chamfers that meet).
         members: indices of the surfaces.
+        near: (3,) where they meet, of a corner.
     """
 
     kind: str
     members: tuple[int, ...]
+    near: tuple[float, ...] = ()
+
+
+def _apart(surfaces: Sequence[Surface], near: Array) -> float:
+    """By how much four surfaces miss a common point: their distances from the nearest one, where these balance."""
+    point = slave(near[None], np.arange(len(surfaces))[None], surfaces)
+    off = np.array([s.signed_distance(point)[0] for s in surfaces])
+    balance = _balance(surfaces, point)
+    return float(balance @ off)
+
+
+def _balance(surfaces: Sequence[Surface], point: Array) -> Array:
+    """(4,) unit weights with which the normals at a point (1, 3) add up to nothing."""
+    balance = np.linalg.svd(np.concatenate([s.normals(point) for s in surfaces]))[0][:, -1]
+    return balance * np.sign(balance[np.argmax(np.abs(balance))])
 
 
 # Each value is taken in the frame u, v of the first surface before any step, held fixed for derivatives.
@@ -113,7 +132,13 @@ class Tolerances:
 def value(tie: Tie, surfaces: Sequence[Surface]) -> Array:
     """How far a relation is from being kept (radians or unit frame)."""
     members = [surfaces[i] for i in tie.members]
-    return _VALUE[tie.kind](members, np.array(members[0].frame()[:2]))
+    return _value(tie, members, np.array(members[0].frame()[:2]))
+
+
+def _value(tie: Tie, members: Sequence[Surface], frame: Array) -> Array:
+    if tie.kind == "corner":
+        return np.array([_apart(members, np.array(tie.near))])
+    return _VALUE[tie.kind](members, frame)
 
 
 def detect(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolerances) -> list[Tie]:
@@ -158,7 +183,27 @@ def detect(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolera
         square = Tie("perpendicular", (side, cone))
         if all(t in kept or tolerances.keeps(t, surfaces) for t in (square, Tie("inscribed", (cone, cap, side)))):
             ties.append(Tie("inscribed", (cone, cap, side)))
-    return ties
+    return ties + _corners(structure, surfaces)
+
+
+def _corners(structure: Structure, surfaces: Sequence[Surface]) -> list[Tie]:
+    """Corners of four faces, and those that an edge, shorter than its ends are known, tears apart."""
+    places = [(v.surfaces, v.point) for v in structure.vertices]
+    for edge in structure.edges:
+        length = np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1).sum()
+        if not edge.closed and length <= _SHORT_EDGE and -1 not in edge.vertices:
+            around = {s for v in edge.vertices for s in structure.vertices[v].surfaces}
+            places.append((tuple(sorted(around)), edge.polyline.mean(axis=0)))
+    found = []
+    for members, place in places:
+        if len(members) != 4 or members[0] < 0:
+            continue
+        normals = np.concatenate([surfaces[i].normals(place[None]) for i in members])
+        known = np.linalg.svd(normals, compute_uv=False)[-1] > _LEAST_CORNER
+        tie = Tie("corner", members, tuple(place.tolist()))
+        if known and abs(value(tie, surfaces)[0]) < _ONE_CORNER:
+            found.append(tie)
+    return found
 
 
 def _chamfers(structure: Structure, surfaces: Sequence[Surface]) -> list[tuple[int, int, int]]:
@@ -191,7 +236,7 @@ def tie_rows(ties: Sequence[Tie], surfaces: Sequence[Surface]) -> list[Row]:
                 delta = np.zeros(matrix.shape[1])
                 delta[k] = _DIFFERENCE
                 moved = [*members[:place], update(members[place], delta), *members[place + 1 :]]
-                matrix[:, k] = (_VALUE[tie.kind](moved, frame) - start) / _DIFFERENCE
+                matrix[:, k] = (_value(tie, moved, frame) - start) / _DIFFERENCE
             columns[index] = matrix
         rows.extend(({i: m[k] for i, m in columns.items()}, float(start[k])) for k in range(len(start)))
     return rows

@@ -27,6 +27,7 @@ _APART_WIDTHS = 2.5  # of the least width of an opening: parts of one spot may b
 _LEAST_PLACES = 12  # of a spot
 _MOST_SPOTS = 8  # looked at, largest first, for either distance
 _REACH = 1.7  # of a spot's radius: the face around it that tells the lid's shape
+_OBLONG = 1.6  # times as long as wide: a keyway, around which the face is looked at as far as it is wide
 _MARGIN_CELLS = 6.0
 _DEGREE = 4  # of the polynomial: a cylinder over 45 degrees is off by .0003 of its radius
 _REWEIGHTINGS = 8
@@ -95,18 +96,17 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float) -> Spot
     """
     vertices, normals = scene.vertices, scene.normals
     center = members.mean(axis=0)
-    radius = float(np.linalg.norm(members - center, axis=1).max()) + cell
-    reach = _REACH * radius + _MARGIN_CELLS * pitch
-    away = np.linalg.norm(vertices - center, axis=1)
-    beside = (away < np.sqrt(2) * reach) & (away > radius)
-    if not beside.any():
-        return None
-    normal = normals[beside].mean(axis=0)
+    radii, along = _extent(members - center, cell)
+    reach = radii + (_REACH - 1) * radii.min() + _MARGIN_CELLS * pitch
+    wide = reach + (np.sqrt(2) - 1) * reach.min()
+    normal = normals[cKDTree(vertices).query(members)[1]].mean(axis=0)
     axes, local, height = np.eye(3), np.empty((0, 3)), None
     for _ in range(_TURNS):
         normal /= np.linalg.norm(normal)
-        axes = np.column_stack([*plane_axes(normal), normal])
-        local = (vertices[beside & (normals @ normal > _FACING)] - center) @ axes
+        axes = _frame(normal, along)
+        local = (vertices - center) @ axes
+        beside = (_away(local, wide) < 1) & (_away(local, radii) > 1) & (normals @ normal > _FACING)
+        local = local[beside]
         height = _Polynomial.through(local, reach, cell)
         if height is None:
             return None
@@ -116,28 +116,51 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float) -> Spot
     on_it = np.abs(local[:, 2] - height(local[:, 0], local[:, 1])) < cell
     if on_it.mean() < _SMOOTH_SHARE:
         return None
-    count = int(np.ceil(2 * reach / pitch))
-    side = (np.arange(count) + 0.5) * pitch - count * pitch / 2
-    u, v = np.meshgrid(side, side, indexing="ij")
+    count = np.ceil(2 * reach / pitch).astype(int)
+    u, v = np.meshgrid(*((np.arange(n) + 0.5 - n / 2) * pitch for n in count), indexing="ij")
     heights = height(u.ravel(), v.ravel()).reshape(u.shape)
     if np.ptp(heights) < _LEAST_BEND_CELLS * pitch:
         return None
     first, second, normal = axes.T
     top = float(heights.max())
-    origin = center + top * normal - (count * pitch / 2) * (first + second)
-    return Spot(Lattice(origin, first, second, normal, pitch, (count, count)), top - heights)
+    origin = center + top * normal - (count[0] * first + count[1] * second) * pitch / 2
+    return Spot(Lattice(origin, first, second, normal, pitch, (int(count[0]), int(count[1]))), top - heights)
+
+
+def _extent(offsets: Array, cell: float) -> tuple[Array, Array | None]:
+    """(2,) half lengths of a spot, and the direction (3,) of the longer one; None if it is about round."""
+    radius = float(np.linalg.norm(offsets, axis=1).max()) + cell
+    direction = np.linalg.svd(offsets, full_matrices=False)[2]
+    half = np.abs(offsets @ direction[:2].T).max(axis=0) + cell
+    if half[0] < _OBLONG * half[1]:
+        return np.array([radius, radius]), None
+    return half, direction[0]
+
+
+def _away(local: Array, radii: Array) -> Array:
+    """(N,) distances of points (N, 3) in a spot's frame from its middle, over its half lengths (2,)."""
+    return np.asarray(np.linalg.norm(local / np.append(radii, radii.max()), axis=1))
+
+
+def _frame(normal: Array, along: Array | None) -> Array:
+    """(3, 3) columns: two axes in the plane, the first one along a direction if there is one, and the normal."""
+    if along is None:
+        return np.column_stack([*plane_axes(normal), normal])
+    first = along - (along @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(normal, first), normal])
 
 
 class _Polynomial:
     """A height over a plane."""
 
-    def __init__(self, coefficients: Array, scale: float) -> None:
+    def __init__(self, coefficients: Array, scale: Array) -> None:
         self.coefficients, self.scale = coefficients, scale
 
     @staticmethod
-    def through(points: Array, scale: float, noise: float) -> "_Polynomial | None":
-        """A robust fit to (N, 3) points in the plane's frame, or None if there are too few."""
-        design = _terms(points[:, 0] / scale, points[:, 1] / scale)
+    def through(points: Array, scale: Array, noise: float) -> "_Polynomial | None":
+        """A robust fit to (N, 3) points in the plane's frame that reach (2,) `scale` far; None if there are too few."""
+        design = _terms(points[:, 0] / scale[0], points[:, 1] / scale[1])
         if len(points) < 2 * design.shape[1]:
             return None
         weight: Any = np.ones(len(points))
@@ -151,11 +174,11 @@ class _Polynomial:
         return _Polynomial(coefficients, scale)
 
     def __call__(self, u: Array, v: Array) -> Array:
-        return np.asarray(_terms(u / self.scale, v / self.scale) @ self.coefficients)
+        return np.asarray(_terms(u / self.scale[0], v / self.scale[1]) @ self.coefficients)
 
     def slope_at_origin(self) -> Array:
         """(2,) how it rises along u and v."""
-        return self.coefficients[1:3] / self.scale
+        return np.asarray(self.coefficients[1:3] / self.scale)
 
 
 def _terms(u: Array, v: Array) -> Array:

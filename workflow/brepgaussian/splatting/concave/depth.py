@@ -34,7 +34,10 @@ _LEANING = 0.9  # walls lean only if that leaves at most this share of the strai
 _CHAMFERED = 0.97  # the same for a hole's rim alone
 _DEEP = 7.0  # cells
 _SHALLOW_GAIN = 0.4  # for what is shallower: a lid that is badly placed looks like it
-_GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid
+_MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
+_GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
+# or more, where so few rays contradict it: of openings that leave .75 to .85, a true one had .13, false ones .26-.30
+_LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.2
 
 
 def measure(
@@ -65,11 +68,14 @@ def measure(
     disagreeing, error = opening.score(best)
     closed = opening.closed()
     deep = best.through or best.depth - opening.face > _DEEP
-    if disagreeing > (_GAIN if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < opening.shallowest + 1):
+    gain = _LITTLE_GAIN if error < _FEW_AGAINST else _GAIN
+    if disagreeing > (gain if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < opening.shallowest + 1):
         return None
     endless = False
     if not best.through:
         endless = opening.advantage(opening.costs(replace(best, depth=opening.ends[0])), opening.costs(best)) < SURE
+        if endless and error > _MOST_AGAINST:
+            return None
         best = _deepen(opening, Opening(every, _FINAL_RAYS, outline, ends, tolerance, breaks), best)
     fitted = signed_outline(outline) < best.grow
     gain = (closed - disagreeing) * float(np.count_nonzero(fitted))

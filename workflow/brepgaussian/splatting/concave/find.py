@@ -75,8 +75,8 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
             square = spot_around(places, scene, cell, pitch)
             if square is not None:
                 again = rectify(images, scene, square.lattice, square.relief)
-                shallow = _LEAST_CURVED_CELLS * pitch + square.relief.max()
-                found += [p for p in _concavities(images, scene, again, centered=True) if p.depth > shallow]
+                under = _concavities(images, scene, again, centered=True)
+                found += [p for p in under if p.depth - square.relief[p.outline].max() > _LEAST_CURVED_CELLS * pitch]
     return found
 
 

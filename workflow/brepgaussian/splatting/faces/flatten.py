@@ -24,9 +24,8 @@ _SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
 _OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
 _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none,
-_STANDING_SHARE = (
-    0.08  # unless that stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
-)
+# unless that is high and stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
+_STANDING_SHARE = 0.08
 _STANDING_CELLS = 2  # around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
@@ -136,6 +135,7 @@ def _allowed(views: Views, face: Face, vertices: Array, spacing: float, after: S
     standing[tuple(np.clip(cells, 0, np.array(standing.shape) - 1).T)] = True
     standing = ndimage.binary_dilation(standing, iterations=_STANDING_CELLS)
     few = (standing & face.outline).sum() <= _STANDING_SHARE * face.outline.sum()
+    few &= heights[within][needed].max() > _BLIND_CELLS * spacing  # lower: the plane cuts into the part
     return replace(face, outline=face.outline & ~standing) if few else None
 
 

@@ -99,6 +99,11 @@ PARTS: dict[str, PartInfo] = {
     "cam_disk": PartInfo("casting", "nearly tangent cylinders, a keyed bore, unequal holes", HOLDOUT),
     "window_frame": PartInfo("casting", "a stepped window with rounded corners, slots in narrow rims", HOLDOUT),
     "spray_nozzle": PartInfo("casting", "a cone on a hexagon, a deep stepped bore with a small orifice", HOLDOUT),
+    "chamfered_plate": PartInfo("milled", "chamfers that meet in corners of four faces, blind holes", TUNED),
+    "keyway_journal": PartInfo("milled", "a blind keyway with round ends, longer than the cylinder is wide", TUNED),
+    "milled_cover": PartInfo("milled", "a pocket with rounded corners that no silhouette shows", TUNED),
+    "guide_block": PartInfo("milled", "a stepped slot above a slot with round ends and a cross bore", HOLDOUT),
+    "coupling_hub": PartInfo("milled", "a keyed bore, a slotted rim, a radial hole", HOLDOUT),
 }
 
 
