@@ -124,3 +124,34 @@ def test_the_end_of_a_slot_is_as_wide_as_the_slot():
     surface = rounded(patches, 0.001)[2].surface
     assert surface.radius == pytest.approx(width / 2)
     np.testing.assert_allclose(surface.signed_distance(spots[2]), 0, atol=1e-4)
+
+
+@pytest.mark.parametrize("lean_deg", [3.0, 8.0])
+def test_the_walls_of_a_slot_with_round_ends_are_made_parallel(lean_deg):
+    """Walls that lean as the points of a narrow keyway have them, each about its middle; the floor is known well."""
+    rng = np.random.default_rng(8)
+    width, deep, t = 0.1, 0.06, rng.uniform(0, 1, (4, 900))
+    y, z = np.eye(3)[1], np.eye(3)[2]
+    sides = [plane(MIDDLE - width / 2 * y, y), plane(MIDDLE + width / 2 * y, -y)]
+    lean = np.tan(np.radians(lean_deg))
+    patches = []
+    for k, side in enumerate(sides):
+        xyz = side.origin + np.column_stack([0.2 * t[0], 0 * t[0], deep * (t[1] - 0.5)])
+        xyz += np.outer((xyz - MIDDLE) @ z * lean, side.axis)
+        patches.append(
+            Patch(plane(side.origin, side.axis - lean * z), k, xyz, np.tile(side.axis, (900, 1)), 0.02, 0.001)
+        )
+    turn = np.pi / 2 + np.pi * t[2]
+    end = cylinder(MIDDLE, z, width / 2, True)
+    xyz = MIDDLE + np.column_stack([width / 2 * np.cos(turn), width / 2 * np.sin(turn), deep * (t[3] - 0.5)])
+    patches.append(Patch(cylinder(MIDDLE, z, 0.052, True), 2, xyz, end.normals(xyz), 0.02, 0.001))
+    floor = plane(MIDDLE - deep / 2 * z, z)
+    xyz = floor.origin + np.column_stack([0.2 * t[0], width * (t[1] - 0.5), 0 * t[0]])
+    patches.append(Patch(floor, 3, xyz, np.tile(z, (900, 1)), 0.02, 0.001))
+    result = rounded(patches, 0.001)
+    for side, patch in zip(sides, result, strict=False):
+        np.testing.assert_allclose(patch.surface.axis, side.axis, atol=2e-3)
+        assert abs(patch.surface.signed_distance(side.origin[None])[0]) < 1e-3
+    assert abs(result[0].surface.axis @ result[1].surface.axis) == pytest.approx(1, abs=1e-12)
+    assert result[2].surface.radius == pytest.approx(width / 2, abs=1e-3)
+    assert result[3].surface is floor

@@ -173,3 +173,26 @@ def test_surfaces_that_no_place_tells_of_are_not_told_apart(tmp_path):
     images = Images.of(views)
     old, new, count = disagreements(images, scene, smaller, 0.5)  # no ray differs that much
     assert (old, new, count) == (0.0, 0.0, 0)
+
+
+def test_a_keyway_longer_than_its_cylinder_is_wide_is_opened(tmp_path):
+    """The face around a keyway is looked at as far as the keyway is wide, not as far as it is long."""
+    settings = ViewsSettings(rendered_views=40, image_size=500)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="journal", source="part", path="keyway_journal:3", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    shares = np.bincount(truth.point_face)
+    planes = [
+        f
+        for f, kind in enumerate(truth.face_types)
+        if kind == "plane" and abs(truth.normals[truth.point_face == f][0, 0]) > 0.99
+    ]
+    floor = truth.point_face == max(planes, key=lambda f: shares[f])
+
+    def distance(concavities):
+        hull, _ = carve(views, 120, 1, concavities)
+        return float(np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points[floor])).mean())
+
+    closed = distance(False)
+    assert closed > 0.04
+    assert distance(True) < closed / 8
