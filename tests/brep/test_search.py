@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
-from brepgaussian.brep.polish import _left_out
-from brepgaussian.brep.search import Search
+from brepgaussian.brep.polish import Polished, _left_out
+from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import WorkerError, WorkerTimeout
 from brepgaussian.settings.brep import BrepSettings
@@ -66,3 +66,38 @@ def test_a_rebuilt_solid_leaves_out_a_patch_that_had_a_face():
     before = attempt("support", (1.0, 0.95, 0.5))
     assert _left_out(before, attempt("support", (1.0, 0.92, 0.0)), 0.9) == ""
     assert "1" in _left_out(before, attempt("support", (1.0, 0.2, 0.9)), 0.9)
+
+
+def judged(faces, on_solid=1.0, doubts=(), bare=0.0, accepted=True):
+    verdict = Verdict((), doubts, on_solid=on_solid, faces=faces, bare=bare)
+    return Polished(
+        Attempt("support", b"solid", verdict), {"accepted": accepted, "silhouette_px": 0.05, "mask_iou": 0.9995}
+    )
+
+
+def explanation(patches, left_out=0):
+    return Job((None,) * patches, (), np.zeros((0, 3)), (), None, BrepSettings(), left_out=(None,) * left_out)
+
+
+def test_what_ends_the_search():
+    assert _beyond_doubt(judged(6), explanation(6))
+    assert _beyond_doubt(judged(6, on_solid=0.9), explanation(6))  # points that are off their own faces
+    assert not _beyond_doubt(judged(6, on_solid=0.9), explanation(6, left_out=2))  # fillets taken for skins
+    assert not _beyond_doubt(judged(6, doubts=("patch 3",)), explanation(6))
+    assert not _beyond_doubt(judged(6, accepted=False), explanation(6))
+
+
+def test_a_solid_with_a_doubt_is_worth_explanations_of_as_many_surfaces():
+    assert _hopeless(explanation(7), judged(6))
+    assert not _hopeless(explanation(5), judged(6))
+    assert not _hopeless(explanation(7), judged(6, doubts=("patch 3",)))
+    assert not _hopeless(explanation(7), judged(6, on_solid=0.9))
+
+
+def test_a_solid_that_leaves_something_out_replaces_none_that_does_not():
+    settings = BrepSettings()
+    assert "leaves out" in _worse(judged(5, doubts=("patch 3",)), judged(6), settings)
+    assert "no points" in _worse(judged(5, bare=0.06), judged(6, bare=0.03), settings)
+    assert (
+        _worse(judged(5, doubts=("patch 3",)), judged(6, accepted=False), settings) == ""
+    )  # the images refuse the other

@@ -76,7 +76,7 @@ class Search:
         """
         winner: Search = self
         for job in self.others:
-            if self.budget.spent or (best is not None and _beyond_doubt(best)):
+            if self.budget.spent or (best is not None and _beyond_doubt(best, winner.job)):
                 break
             if best is not None and _hopeless(job, best):
                 continue
@@ -203,15 +203,15 @@ class Search:
         return Trials(self.worker, self.views, self.job, rung, best, left).run()
 
 
-def _beyond_doubt(best: Polished) -> bool:
-    """Whether neither the points, those of patches that were left out included, nor the images object to a solid."""
-    known = best.report.get("accepted") is not False and not leaves_points(best.attempt)
-    return known and not best.attempt.verdict.doubts
+def _beyond_doubt(best: Polished, job: Job) -> bool:
+    """Whether neither the points, those of patches that its job left out included, nor the images object to a solid."""
+    bare = bool(job.left_out) and leaves_points(best.attempt)
+    return best.report.get("accepted") is not False and not bare and not best.attempt.verdict.doubts
 
 
 def _hopeless(job: Job, best: Polished) -> bool:
     """Whether an explanation with as many surfaces as faces of an accepted solid of all points is not worth a try."""
-    known = bool(best.report.get("accepted")) and not leaves_points(best.attempt)
+    known = bool(best.report.get("accepted")) and not leaves_points(best.attempt) and not best.attempt.verdict.doubts
     return known and len(job.patches) >= best.attempt.verdict.faces
 
 
