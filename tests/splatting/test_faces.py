@@ -187,12 +187,12 @@ def test_a_ball_has_no_planar_face(tmp_path):
         assert flat[near].mean() > 0.9
 
 
-@pytest.mark.parametrize(("width", "kept"), [(4, True), (30, False)])
-def test_what_stands_on_a_face_keeps_its_foot_if_it_is_narrow(monkeypatch, width, kept):
+@pytest.mark.parametrize(("width", "high", "kept"), [(4, 0.15, True), (30, 0.15, False), (4, 0.05, False)])
+def test_what_stands_on_a_face_keeps_its_foot_if_it_is_narrow_and_high(monkeypatch, width, high, kept):
     lattice = Lattice(np.zeros(3), *np.eye(3), 0.01, (100, 100))
     face = Face(lattice, np.ones((100, 100), bool), 0.002, 0.3)
     rows, columns = np.mgrid[2:98, 2:98].reshape(2, -1)
-    above = np.column_stack([0.01 * (rows + 0.5), 0.01 * (columns + 0.5), np.full(rows.size, 0.1)])
+    above = np.column_stack([0.01 * (rows + 0.5), 0.01 * (columns + 0.5), np.full(rows.size, high)])
     foot = (rows >= 40) & (rows < 40 + width) & (columns < 70)
     # a bulge of twice the foot's samples: enough of it is needed for the face to be in doubt
     some = foot | (np.arange(rows.size) % 16 == 0)

@@ -26,6 +26,9 @@ _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge
 _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none,
 # unless that is high and stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
 _STANDING_SHARE = 0.08
+_TALL_CELLS = (
+    10.0  # lower is a fillet (fillet_bracket 4, stepped_shaft 5), or the plane cuts into the part (hinge_leaf .5)
+)
 _STANDING_CELLS = 2  # around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
@@ -135,7 +138,7 @@ def _allowed(views: Views, face: Face, vertices: Array, spacing: float, after: S
     standing[tuple(np.clip(cells, 0, np.array(standing.shape) - 1).T)] = True
     standing = ndimage.binary_dilation(standing, iterations=_STANDING_CELLS)
     few = (standing & face.outline).sum() <= _STANDING_SHARE * face.outline.sum()
-    few &= heights[within][needed].max() > _BLIND_CELLS * spacing  # lower: the plane cuts into the part
+    few &= float(np.median(heights[within][needed])) > _TALL_CELLS * spacing
     return replace(face, outline=face.outline & ~standing) if few else None
 
 
