@@ -100,3 +100,11 @@ def compact(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Renumber labels consecutively from 0, keeping -1."""
     values, inverse = np.unique(labels, return_inverse=True)
     return inverse.reshape(labels.shape).astype(np.int64) - int(bool(len(values)) and values[0] < 0)
+
+
+def largest_connected(graph: Graph, piece: Index, count: int) -> Index:
+    """The largest connected part of some nodes, of `count` in all."""
+    labels = np.full(count, -1)
+    labels[piece] = 0
+    pieces = components(graph.pairs, labels)[piece]
+    return piece[pieces == np.bincount(pieces).argmax()]

@@ -16,10 +16,11 @@ from brepgaussian.points import batchfit
 from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.bridges import joined
+from brepgaussian.points.cut import REFIT_SAMPLE, SHARE_NEUTRAL, cut, refit
 from brepgaussian.points.graph import Graph, Index, compact, components
-from brepgaussian.points.merge import KIND_PENALTY, Merger, Models, Nodes, Sampler, best_models, flattened, parts_of
-from brepgaussian.points.pearl import alpha_expansion
+from brepgaussian.points.merge import Merger, Models, Nodes, Sampler, best_models, parts_of
 from brepgaussian.points.shading import fit_shading
+from brepgaussian.points.split import uncover_planes
 from brepgaussian.points.superpoints import contract
 
 Array = NDArray[np.float64]
@@ -30,21 +31,13 @@ NOISE_CEILING = Noise(0.006, np.radians(8.0))
 _PAIR_TO_SURFACE = 2.0  # smooth errors: a patch deviates by more than neighbours differ
 _TURN = np.radians(9.0)  # a turn between neighbours that speaks neither for nor against one patch
 _BEND = np.cos(np.radians(11.0))  # parts of a superpoint agree this well, so a fillet starts as strips
-_NORMAL_WEIGHT, _SHARE_NEUTRAL, _FULL_VIEWS = 1.5, 0.8, 8.0
-_REFIT_SAMPLE = 160
+_NORMAL_WEIGHT, _FULL_VIEWS = 1.5, 8.0
 _QUANTILE = 0.7  # of the residuals that tell the noise
 _NORMAL_QUANTILE, _RAYLEIGH_QUANTILE = 1.0364, 1.5518  # of |x| and of the length of a 2D vector, unit sigma
 _GRADIENT_FLOOR = 20.0  # grey levels per unit length: light from neighbouring faces
 _LARGE = 40  # nodes of a part that tells about the noise
-_REACH = 6.0  # how much dearer a label may be for a node that joins an expansion
-_EDGE_NORMALS = 0.25  # share of the normals' cost that is left at an edge
-_EDGE_WEIGHT = 0.3  # of a node at an edge: rounded off, it lies on no patch
-_NEAR = 4.0  # spacings from a node to the nearest node of a label that it may take
 _BRIDGE = 6.0  # spacings over which pieces of one surface are tried as one patch
 _CLEARANCE = 0.3  # of the noise: primitives of many points lie this well
-_STRAY = 14.0  # cost of a node without a label
-_LABEL_COST = 25.0  # what a label must save to stay
-_SMOOTH, _SMOOTH_FLOOR = 0.6, 0.06  # cost of cutting a pair within a region, and across a border
 
 
 @dataclass(frozen=True)
@@ -90,6 +83,7 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed:
             labels = Merger(nodes, graph, labels, noise, seed).run()
         log.info("cut %d: %d labels", turn, labels.max() + 1)
     labels = join_pieces(nodes, graph, labels, noise, spacing, seed)
+    labels = uncover_planes(nodes, graph, labels, noise, spacing, smallest, seed)
     models = refit(nodes, labels, noise, seed)
     return Labelling(labels, models, noise)
 
@@ -160,7 +154,7 @@ def surface_noise(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Noise
     parts = [p for p in parts_of(labels) if len(p) >= _LARGE]
     if not parts:
         return noise
-    models = best_models(Sampler(nodes, seed)(parts, _REFIT_SAMPLE), noise)
+    models = best_models(Sampler(nodes, seed)(parts, REFIT_SAMPLE), noise)
     distances, turns, slopes = [], [], []
     shading = fit_shading(nodes.normals, nodes.grey, nodes.trust)
     trial = Noise(noise.distance, noise.normal, 1.0, shading)
@@ -196,93 +190,9 @@ def affinity(nodes: Nodes, graph: Graph) -> Array:
     i, j = graph.pairs.T
     share = graph.same / np.maximum(graph.both, 1)
     sure = np.minimum(nodes.trust[i], nodes.trust[j])
-    votes = (share - _SHARE_NEUTRAL) * np.minimum(graph.both, _FULL_VIEWS) / _FULL_VIEWS
+    votes = (share - SHARE_NEUTRAL) * np.minimum(graph.both, _FULL_VIEWS) / _FULL_VIEWS
     angle = np.arccos(np.clip((nodes.normals[i] * nodes.normals[j]).sum(1), -1, 1))
     return votes + sure * _NORMAL_WEIGHT * np.clip(1 - angle / _TURN, -1, 1) + graph.extra
-
-
-def refit(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Models:
-    """The primitive of each label, fitted twice: the second time without what the first explains badly."""
-    parts = parts_of(labels)
-    if not parts:
-        return Models(np.zeros(0, "<U8"), np.zeros((0, 10)), np.zeros(0))
-    sets = Sampler(nodes, seed)(parts, _REFIT_SAMPLE)
-    models = best_models(sets, noise)
-    costs = np.concatenate(
-        [
-            batchfit.costs(str(models.kinds[k]), models.rows[k : k + 1], sets.take(np.array([k])), noise)
-            for k in range(len(parts))
-        ]
-    )
-    sets = sets.weighted(sets.weights * np.where(costs < 4.0, 1.0, 4.0 / np.maximum(costs, 4.0)))
-    return flattened(sets, best_models(sets, noise), noise)
-
-
-def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, spacing: float) -> Index:
-    """Graph cut over all labels, then labels that do not pay their cost are dropped."""
-    data = data_costs(nodes, labels, models, noise, spacing)
-    weights = pair_weights(graph)
-    start = np.where(labels >= 0, labels, data.argmin(1))
-    found = alpha_expansion(data, graph.pairs, weights, start, reach=_REACH)
-    return drop_labels(data, graph, weights, found)
-
-
-def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacing: float) -> Array:
-    """(N, L) cost of each label for each node; beyond a label's neighbours it is prohibitive.
-
-    Near edges the normals are blurred, so there the distance decides.
-    """
-    data = np.full((len(nodes.xyz), len(models.kinds)), 1e6)
-    believe = np.where(nodes.core, _EDGE_NORMALS + (1 - _EDGE_NORMALS) * nodes.trust, 0.0)
-    weigh = np.where(nodes.core, 1.0, _EDGE_WEIGHT)
-    for k, (kind, row) in enumerate(zip(models.kinds, models.rows, strict=True)):
-        members = nodes.xyz[labels == k]
-        if not len(members):
-            continue
-        close = cKDTree(members).query(nodes.xyz, distance_upper_bound=_NEAR * spacing)[0] < np.inf
-        around = np.bincount(labels[close & (labels >= 0)], minlength=len(models.kinds)) > 0
-        near = np.flatnonzero(close | (around[labels] & (labels >= 0)))
-        sets = nodes.sets(near[None], np.ones((1, len(near))))
-        distance, normal = evaluate(str(kind), row[None], sets.points)
-        turn = ((normal[0] - nodes.normals[near]) ** 2).sum(1) / noise.normal**2
-        value = 0.5 * ((distance[0] / noise.distance) ** 2 + believe[near] * turn)
-        value += 0.5 * believe[near] * batchfit.shading_costs(str(kind), row[None], sets, noise)[0]
-        data[near, k] = weigh[near] * batchfit.soften(value) + KIND_PENALTY[str(kind)]
-    return data
-
-
-def pair_weights(graph: Graph) -> Array:
-    """(E,) cost of cutting a pair: high where the images show one region, low across their borders."""
-    share = (graph.same + 2 * _SHARE_NEUTRAL) / (graph.both + 2)
-    weight = _SMOOTH_FLOOR + _SMOOTH * np.clip((share - 0.2) / 0.8, 0, 1) ** 2
-    near = np.median(graph.distance) / np.maximum(graph.distance, 1e-9) if len(graph.distance) else graph.distance
-    return weight * np.clip(near, 0.3, 1.5) * np.exp(np.clip(graph.extra, -1.5, 0.5))
-
-
-def drop_labels(data: Array, graph: Graph, weights: Array, labels: Index) -> Index:
-    """Drop labels, smallest first, that save less than a label costs."""
-    sizes = np.bincount(labels, minlength=data.shape[1])
-    links = graph.matrix(weights, len(labels))
-    data = np.minimum(data, _STRAY)
-    for k in np.argsort(sizes, kind="stable"):
-        members = np.flatnonzero(labels == k)
-        if not len(members) or (labels[labels >= 0] == k).all():
-            continue
-        rivals = data[members].copy()
-        rivals[:, k] = np.inf
-        around = links[members].tocoo()
-        other = labels[around.col]
-        outside = (other != k) & (other >= 0)
-        pull = np.zeros_like(rivals)
-        np.add.at(pull, (around.row[outside], other[outside]), around.data[outside])
-        choice = (rivals - pull).argmin(1)
-        rows = np.arange(len(members))
-        new, gain = rivals[rows, choice], pull[rows, choice]
-        change = new.sum() - data[members, k].sum() - gain.sum()
-        if change < _LABEL_COST:
-            labels = labels.copy()
-            labels[members] = np.where(new >= _STRAY, -1, choice)
-    return labels
 
 
 def _drop_small(labels: Index, smallest: int) -> Index:

@@ -11,7 +11,7 @@ from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.concave import Images, Prism, open_channels, open_concavities
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.faces import Face, flatten_faces
+from brepgaussian.splatting.faces import Face, flatten_faces, round_edges
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
 
@@ -101,12 +101,14 @@ def carve(
     prisms: list[Prism] = []
     if patches is not None or concavities:
         images = Images.of(views, noise)
+        silhouettes_alone = volume
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample)
         if concavities:
             volume, prisms = open_channels(images, volume)
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample, faces)
+            volume, faces = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
             volume, more = open_concavities(images, volume)
             prisms += more

@@ -1,11 +1,15 @@
 """Whether the images speak for one surface rather than another: on the right one, views agree about its radiance."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.radiance import differences
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shapes import Costs
 
 Array = NDArray[np.float64]
 
@@ -14,6 +18,72 @@ _OPAQUE = 250  # alpha of a pixel that is surely object
 _PLACE_PX = 6.0  # side of a place; within it, radiance changes linearly
 _CAP = 3.0  # tolerances; greater differences (another surface is in the way) count no more than this
 _NORMAL_BINS = 2.0  # faces that meet at an edge are different places
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays at the object.
+
+    Attributes:
+        origin, direction: (N, 3), unit directions; grey: (N,) levels that the images show there.
+        side: of a place, unit frame; tolerance: grey levels by which views of one place differ.
+        at: (N, 3) where they hit the surface that they were chosen by: rays near each other err alike.
+    """
+
+    origin: Array
+    direction: Array
+    grey: Array
+    side: float
+    tolerance: float
+    at: Array
+
+    def hitting(self, scene: Scene, at: Callable[[Array], NDArray[np.bool_]]) -> "Rays":
+        """Those that hit a surface first where `at` holds for its points (M, 3)."""
+        distance = scene.distances(self.origin, self.direction)
+        met = np.flatnonzero(np.isfinite(distance))
+        points = self.origin[met] + distance[met, None] * self.direction[met]
+        kept = at(points)
+        chosen = met[kept]
+        return replace(
+            self, origin=self.origin[chosen], direction=self.direction[chosen], grey=self.grey[chosen], at=points[kept]
+        )
+
+    def costs(self, scene: Scene) -> Costs:
+        """(N,) difference of each ray from its place on a surface, in tolerances, and (N,) whether it tells any."""
+        against, told = np.full(len(self.origin), _CAP), np.ones(len(self.origin), bool)
+        distance, normal = scene.hits(self.origin, self.direction)
+        met = np.isfinite(distance)
+        points = self.origin[met] + distance[met, None] * self.direction[met]
+        against[met], told[met] = _differences(points, normal[met], self.grey[met], self.side, self.tolerance)
+        return against, told
+
+    def advantage(self, costs: Costs, other: Costs) -> float:
+        """By how many standard errors the rays that both tell of disagree less on the other; 0 if they are alike."""
+        units = np.unique(np.floor(self.at / self.side).astype(np.int64), axis=0, return_inverse=True)
+        gain = np.where(costs[1] & other[1], costs[0] - other[0], 0.0)
+        less = np.bincount(units[1].ravel(), gain)
+        spread = float(np.sqrt((less**2).sum()))
+        return float(less.sum()) / spread if spread else 0.0
+
+
+def mean_cost(costs: Costs) -> float:
+    """Mean over the rays that tell any."""
+    return float(costs[0][costs[1]].mean()) if costs[1].any() else 0.0
+
+
+def rays_at_object(images: Images) -> Rays:
+    """A ray for every few pixels that surely show the object."""
+    views = images.views
+    origins, directions, greys = [], [], []
+    for view, alpha in enumerate(views.alpha):
+        rows, columns = np.nonzero(alpha[::_STRIDE_PX, ::_STRIDE_PX] > _OPAQUE)
+        rows, columns = rows * _STRIDE_PX, columns * _STRIDE_PX
+        center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
+        origins.append(np.broadcast_to(center, ray.shape))
+        directions.append(ray)
+        greys.append(images.luminance[view, rows, columns])
+    origin, direction, grey = np.concatenate(origins), np.concatenate(directions), np.concatenate(greys)
+    return Rays(origin, direction, grey.astype(float), _PLACE_PX * views.cameras.footprint(), images.tolerance, origin)
 
 
 def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> tuple[float, float, int]:
@@ -28,42 +98,28 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
         Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays whose places
         are met by enough others to tell anything.
     """
-    views = images.views
-    origins, directions, greys = [], [], []
-    for view, alpha in enumerate(views.alpha):
-        rows, columns = np.nonzero(alpha[::_STRIDE_PX, ::_STRIDE_PX] > _OPAQUE)
-        rows, columns = rows * _STRIDE_PX, columns * _STRIDE_PX
-        center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
-        origins.append(np.broadcast_to(center, ray.shape))
-        directions.append(ray)
-        greys.append(images.luminance[view, rows, columns])
-    origin, direction, grey = np.concatenate(origins), np.concatenate(directions), np.concatenate(greys)
+    rays = rays_at_object(images)
+    origin, direction, grey, side = rays.origin, rays.direction, rays.grey, rays.side
     (first, normal), (second, inner) = before.hits(origin, direction), after.hits(origin, direction)
     met = np.isfinite(first)
     changed = met.copy()
     changed[met] = second[met] - first[met] > reach
     missing = changed & ~np.isfinite(second)
     told = changed & ~missing
-    side = _PLACE_PX * views.cameras.footprint()
     costs, telling = [], []
     for distance, facing in ((first, normal), (second, inner)):
         points = origin[told] + distance[told, None] * direction[told]
-        cost, count = _differences(points, facing[told], grey[told].astype(float), side, images.tolerance)
-        costs.append(cost)
-        telling.append(count)
+        cost, enough = _differences(points, facing[told], grey[told], side, rays.tolerance)
+        costs.append(mean_cost((cost, enough)))
+        telling.append(int(enough.sum()))
     lost = missing.sum() / max(changed.sum(), 1)
     return costs[0], float((1 - lost) * costs[1] + lost * _CAP), min(telling)
 
 
-def _differences(
-    points: Array, normals: NDArray[np.float32], grey: Array, side: float, tolerance: float
-) -> tuple[float, int]:
-    """Mean capped difference of rays from a linear fit to all rays of their place, and how many have such a place."""
+def _differences(points: Array, normals: NDArray[np.float32], grey: Array, side: float, tolerance: float) -> Costs:
+    """(N,) capped difference of rays from a linear fit to all rays of their place, (N,) whether they have such."""
     if not len(points):
-        return 0.0, 0
+        return np.zeros(0), np.zeros(0, bool)
     place = np.floor(points / side).astype(np.int64)
     facing = np.round(normals * _NORMAL_BINS).astype(np.int64)
-    difference, enough = differences(
-        np.column_stack([place, facing]), points / side - place - 0.5, grey, tolerance, _CAP
-    )
-    return (float(difference[enough].mean()) if enough.any() else 0.0), int(enough.sum())
+    return differences(np.column_stack([place, facing]), points / side - place - 0.5, grey, tolerance, _CAP)

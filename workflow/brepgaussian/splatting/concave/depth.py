@@ -32,8 +32,8 @@ _RIM_RAYS = 60_000
 _FEW_RAYS = 8_000  # for many shapes of leaning walls
 _LEANING = 0.9  # walls lean only if that leaves at most this share of the straight ones' disagreement
 _CHAMFERED = 0.97  # the same for a hole's rim alone
-_DEEP = 7.0  # cells
-_SHALLOW_GAIN = 0.4  # for what is shallower: a lid that is badly placed looks like it
+_DEEP = 7.0  # cells; as deep a concavity has to gain as a shallow one, twice as deep as any deep one
+_SHALLOW_GAIN = 0.4  # for what is shallow: a lid that is badly placed looks like it
 _MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
 # or more, where so few rays contradict it: of openings that leave .75 to .85, a true one had .13, false ones .26-.30
@@ -67,9 +67,9 @@ def measure(
     opening.keep_clear(best.grow)
     disagreeing, error = opening.score(best)
     closed = opening.closed()
-    deep = best.through or best.depth - opening.face > _DEEP
-    gain = _LITTLE_GAIN if error < _FEW_AGAINST else _GAIN
-    if disagreeing > (gain if deep else _SHALLOW_GAIN) * closed or (not deep and best.depth < opening.shallowest + 1):
+    deep = 1.0 if best.through else float(np.clip((best.depth - opening.face) / _DEEP - 1, 0, 1))
+    most = _SHALLOW_GAIN + deep * ((_LITTLE_GAIN if error < _FEW_AGAINST else _GAIN) - _SHALLOW_GAIN)
+    if disagreeing > most * closed or (not deep and best.depth < opening.shallowest + 1):
         return None
     endless = False
     if not best.through:

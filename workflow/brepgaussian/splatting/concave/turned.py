@@ -26,6 +26,7 @@ Field = NDArray[np.float32]
 
 _ANGLES = 90  # 4 degrees apart
 _EMPTIEST = (0.05, 0.3)  # share of the angles that count as empty somewhere; the second passes by keyways and flats
+_ONE_SIDED_EMPTIEST = 0.05
 _ONE_SIDED = 0.8  # length of the mean direction; that of an arc of 66 degrees
 _REWEIGHTINGS = 12
 _NEAR_VOXELS = 3.0  # the normal of a turned surface passes its axis this near
@@ -38,6 +39,7 @@ _LEAST_VOLUME_VOXELS = 150  # of a ring; less is left to the surfels
 _MOST_RINGS = 4  # tried, largest first
 _MOST_LOST = 0.01  # share of the rays through a ring that it may leave with nothing
 _GAIN = 1.0  # a ring leaves at most this share of the disagreement: being turned speaks for it
+_ONE_SIDED_GAIN = 0.75  # as for an opening: of a groove that hardly any camera looks along, or of a cross hole
 _LEAST_RAYS = 200
 _REACH_VOXELS = 0.5  # rays on which a ring changes less than this don't judge it
 _BEYOND_VOXELS = 4.0  # distance that stands for "outside of the ring": nothing is cut there
@@ -68,15 +70,16 @@ def turn(images: Images, hull: Volume) -> Volume:
     scene = Scene(*mesh)
     chords = chords_in(scene, *contour_rays(images.views))
     points = chords.samples()
-    for share in _EMPTIEST:
-        section = _Section(hull, axis, share)
+    passes = [(share, False, _GAIN) for share in _EMPTIEST] + [(_ONE_SIDED_EMPTIEST, True, _ONE_SIDED_GAIN)]
+    for share, one_sided, gain in passes:
+        section = _Section(hull, axis, share, one_sided)
         for ring in section.rings()[:_MOST_RINGS]:
             if lost_share(chords, section.within(ring, points)) > _MOST_LOST:
                 continue
             opened = section.emptied(ring, hull)
             after = opened.scene()
             old, new, count = disagreements(images, scene, after, _REACH_VOXELS * hull.spacing)
-            good = count >= _LEAST_RAYS and new <= _GAIN * old
+            good = count >= _LEAST_RAYS and new <= gain * old
             logger.info(
                 "ring about %s, %d cells: views disagree by %.2f for %.2f of the hull, %d rays%s",
                 np.round(axis.direction, 2).tolist(), ring.sum(), new, old, count, "" if good else ": not believed",
@@ -89,7 +92,7 @@ def turn(images: Images, hull: Volume) -> Volume:
 def _one_sided(empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(R, Z) cells that are empty (A, R, Z) about one direction, or it and the opposite one, only.
 
-    That is a cross hole, a flat or a keyway, no groove.
+    That is a cross hole, a flat or a keyway; or a groove that two opposite cameras look along and no other.
     """
     doubled = np.exp(4j * np.pi * np.arange(len(empty)) / len(empty))  # (A,) opposite directions are alike
     mean = np.abs(np.tensordot(doubled, empty, axes=1)) / np.maximum(empty.sum(axis=0), 1)
@@ -159,7 +162,7 @@ def _settle(lines: Array, areas: Array, direction: Array, near: float, fixed: bo
 class _Section:
     """What a hull leaves empty at some angles about an axis, by distance from it and height along it."""
 
-    def __init__(self, hull: Volume, axis: Axis, share: float) -> None:
+    def __init__(self, hull: Volume, axis: Axis, share: float, one_sided: bool) -> None:
         field, origin, spacing = hull.field, hull.origin, hull.spacing
         self.axis, self.spacing = axis, spacing
         corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
@@ -175,7 +178,8 @@ class _Section:
             index = ((points - origin) / spacing).reshape(-1, 3).T
             stack[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(r), len(z))
         emptiest = np.quantile(stack, share, axis=0)
-        self.least = np.where(_one_sided(stack < 0), np.median(stack, axis=0), emptiest).astype(np.float32)
+        passed_by = _one_sided(stack < 0) & (not one_sided)
+        self.least = np.where(passed_by, np.median(stack, axis=0), emptiest).astype(np.float32)
         self.most = stack.max(axis=0)
         self.radii = r
 

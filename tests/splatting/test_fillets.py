@@ -1,0 +1,131 @@
+"""Fillets between confirmed planar faces: radii against the solid that the images were made of."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.faces.confirm import Face
+from brepgaussian.splatting.faces.fillets import Edge, inner_edge, round_edges
+
+SIZE, FOCAL, SPACING = 300, 390.0, 1 / 96
+LIGHT = np.array([0.5, 0.3, 0.81])
+POINT = np.array([0.45, 0.5, 0.4])  # on the inner edge, which runs along y
+
+
+def cameras_above(count):
+    poses = []
+    for k in range(count):
+        angle = 2 * np.pi * k / count
+        center = np.array([0.9 + 0.8 * np.cos(angle), 0.5 + 0.8 * np.sin(angle), 1.6 + 0.2 * (k % 3)])
+        forward = POINT - center
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0, 0, 1.0])
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        poses.append(np.vstack([np.column_stack([rotation, -rotation @ center]), [0, 0, 0, 1]]))
+    return Cameras(np.tile([FOCAL, FOCAL, SIZE / 2, SIZE / 2], (count, 1)), np.array(poses), SIZE, SIZE)
+
+
+def corner(angle):
+    """The inner edge of a floor (normal z) and a wall whose normal makes an angle with it."""
+    normals = np.array([[0, 0, 1.0], [np.sin(angle), 0, np.cos(angle)]])
+    return Edge(POINT, np.array([0, -1.0, 0]), normals, (-0.3, 0.3), 0.4)
+
+
+def block(edge, radius):
+    """Two planes that meet, 0.6 wide, with a fillet (0 = sharp)."""
+    grid = np.stack(np.meshgrid(*[SPACING * np.arange(97)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    inside = edge.filled(grid, radius) if radius else -edge.heights(grid).min(axis=1)
+    inside = np.minimum.reduce([inside, 0.3 - np.abs(grid[:, 1] - 0.5), 0.45 - np.abs(grid - 0.5).max(axis=1)])
+    return Volume(inside.reshape(97, 97, 97).astype(np.float32), np.zeros(3), SPACING)
+
+
+def images_of(edge, radius, cameras, seed):
+    """What a matt block under one light looks like, with half a grey level of noise."""
+    scene, rng = block(edge, radius).scene(), np.random.default_rng(seed)
+    columns, rows = np.meshgrid(np.arange(SIZE), np.arange(SIZE))
+    pixels = np.column_stack([columns.ravel() + 0.5, rows.ravel() + 0.5])
+    grey, alpha = np.zeros((len(cameras), SIZE * SIZE)), np.zeros((len(cameras), SIZE * SIZE), np.uint8)
+    center = edge.point + radius * edge.normals.sum(axis=0) / (1 + edge.cosine)
+    for view in range(len(cameras)):
+        origin, ray = cameras.rays(view, pixels)
+        distance, normal = scene.hits(np.broadcast_to(origin, ray.shape), ray)
+        met = np.isfinite(distance)
+        points, normal = origin + distance[met, None] * ray[met], normal[met].astype(float)
+        off = (center - points) * [1, 0, 1]
+        angles = edge.heights(points).min(axis=1)
+        on = (angles > 0.01) & (np.linalg.norm(off, axis=1) < radius + 0.02) & (np.abs(points[:, 1] - 0.5) < 0.29)
+        normal[on] = off[on] / np.linalg.norm(off[on], axis=1, keepdims=True)  # facets of the mesh would show
+        grey[view, met] = 60 + 150 * np.clip(normal @ LIGHT, 0, 1) + rng.normal(0, 0.5, met.sum())
+        alpha[view, met] = 255
+    shape = (len(cameras), SIZE, SIZE)
+    return Images(SimpleNamespace(alpha=alpha.reshape(shape), cameras=cameras), grey.reshape(shape), 1.5)
+
+
+def faces_of(edge):
+    """Both planes up to the edge, as masks that merge them with the fillet tell them."""
+    faces = []
+    for k in range(2):
+        ahead = edge.normals[1 - k] - edge.cosine * edge.normals[k]
+        first, second = plane_axes(edge.normals[k])
+        across = np.abs([first @ edge.direction, second @ edge.direction])
+        shape = tuple(60 if a > 0.5 else 38 for a in across)
+        middle = edge.point + 0.19 * ahead / np.linalg.norm(ahead)
+        origin = middle - 0.005 * (shape[0] * first + shape[1] * second)
+        faces.append(Face(Lattice(origin, first, second, edge.normals[k], 0.01, shape), np.ones(shape, bool), 0.0, 0.0))
+    return faces
+
+
+@pytest.mark.parametrize(("angle", "radius", "seed"), [(90, 0.12, 1), (90, 0.2, 2), (70, 0.15, 3), (120, 0.12, 4)])
+def test_a_cut_corner_gets_its_fillet_back(angle, radius, seed):
+    edge = corner(np.radians(angle))
+    cameras = cameras_above(12)
+    images = images_of(edge, radius, cameras, seed)
+    silhouettes, faces = block(edge, 0.5), faces_of(edge)
+    hull, left = round_edges(images, silhouettes, block(edge, 0), faces)
+    vertices = hull.scene().vertices
+    heights = edge.heights(vertices)
+    within = (heights > 0.3 * radius * (1 - np.sqrt(0.5))).all(axis=1) & (np.abs(vertices[:, 1] - 0.5) < 0.28)
+    assert within.sum() > 100
+    assert np.abs(edge.filled(vertices[within], radius)).max() < 0.006  # half a voxel; .04-.08 before
+    for before, after in zip(faces, left, strict=True):
+        distance = np.linalg.norm((after.lattice.centers()[after.outline] - POINT) * [1, 0, 1], axis=1)
+        assert distance.min() > 0.9 * edge.tangent_length(radius)
+        assert after.outline.sum() > 0.3 * before.outline.sum()
+
+
+@pytest.mark.parametrize("angle", [70, 90, 120])
+def test_a_sharp_corner_stays_sharp(angle):
+    edge = corner(np.radians(angle))
+    sharp, faces = block(edge, 0), faces_of(edge)
+    hull, left = round_edges(images_of(edge, 0, cameras_above(12), 7), block(edge, 0.5), sharp, faces)
+    assert hull is sharp
+    assert all(old is new for old, new in zip(faces, left, strict=True))
+
+
+def test_only_faces_that_look_at_each_other_have_an_inner_edge():
+    floor, wall = faces_of(corner(np.radians(90)))
+    assert inner_edge(floor, wall, SPACING) is not None
+    assert inner_edge(floor, floor, SPACING) is None
+    below = Lattice(
+        wall.lattice.origin - [0, 0, 0.5], *plane_axes(wall.lattice.normal), wall.lattice.normal, 0.01, (60, 38)
+    )
+    assert inner_edge(floor, Face(below, np.ones((60, 38), bool), 0.0, 0.0), SPACING) is None
+
+
+@pytest.mark.parametrize("angle", [60, 90, 130])
+def test_a_fillet_touches_both_planes(angle):
+    edge = corner(np.radians(angle))
+    length = edge.tangent_length(0.1)
+    assert edge.radius(length) == pytest.approx(0.1)
+    for k in range(2):
+        ahead = edge.normals[1 - k] - edge.cosine * edge.normals[k]
+        ahead /= np.linalg.norm(ahead)
+        tangent = edge.point + length * ahead
+        assert edge.filled(tangent[None], 0.1)[0] == pytest.approx(0, abs=1e-9)
+        assert edge.filled((tangent + 0.001 * edge.normals[k] - 0.02 * ahead)[None], 0.1)[0] > 0  # below the fillet
+        assert edge.filled((tangent + 0.001 * edge.normals[k] + 0.02 * ahead)[None], 0.1)[0] < 0  # past it
