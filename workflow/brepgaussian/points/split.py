@@ -24,7 +24,9 @@ _TRIALS = 64  # planes tried under a label
 _SIGMAS = 2.0  # of the noise, for a node to lie on a plane
 _ROUNDS, _FEW = 4, 12  # of refitting, and nodes from which on they tell the plane
 _NEAR = 2.0  # spacings over which a trial's normal is averaged
-_MOST_SHARE = 0.8  # of a label's nodes on one plane: then the plane is the label
+_LEAST_SHARE = 0.15  # of a label's nodes on one plane: a small piece of any face is about flat
+_MOST_SHARE = 0.8  # then the plane is the label
+_TURNED = np.cos(np.radians(20.0))  # by which half of the other nodes face away from it: less is a bulging plane
 
 
 def uncover_planes(
@@ -86,8 +88,11 @@ def planar_pieces(
         piece = _largest_plane(nodes, part[nodes.core[part]], noise, spacing, rng)
         if len(piece) >= smallest:
             piece = largest_connected(graph, piece, len(labels))
-        if smallest <= len(piece) < _MOST_SHARE * len(part):
-            pieces.append(piece)
+        rest = np.setdiff1d(part, piece)
+        if len(piece) >= smallest and _LEAST_SHARE <= len(piece) / len(part) < _MOST_SHARE:
+            facing = nodes.normals[piece].mean(axis=0)
+            if np.median(nodes.normals[rest] @ facing) < _TURNED * np.linalg.norm(facing):
+                pieces.append(piece)
     return pieces
 
 

@@ -36,8 +36,9 @@ _DEEP = 7.0  # cells; as deep a concavity has to gain as a shallow one, twice as
 _SHALLOW_GAIN = 0.4  # for what is shallow: a lid that is badly placed looks like it
 _MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
-# or more, where so few rays contradict it: of openings that leave .75 to .85, a true one had .13, false ones .26-.30
-_LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.2
+# or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
+_LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.15
+_MOST_CONTRADICT = 0.2  # of the rays; true ones have up to .14
 
 
 def measure(
@@ -69,7 +70,7 @@ def measure(
     closed = opening.closed()
     deep = 1.0 if best.through else float(np.clip((best.depth - opening.face) / _DEEP - 1, 0, 1))
     most = _SHALLOW_GAIN + deep * ((_LITTLE_GAIN if error < _FEW_AGAINST else _GAIN) - _SHALLOW_GAIN)
-    if disagreeing > most * closed or (not deep and best.depth < opening.shallowest + 1):
+    if error > _MOST_CONTRADICT or disagreeing > most * closed or (not deep and best.depth < opening.shallowest + 1):
         return None
     endless = False
     if not best.through:
