@@ -10,10 +10,11 @@ from brepgaussian.points import batchfit, pearl, simulate
 from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.batchfit import Noise, Sets
 from brepgaussian.points.bridges import joined
-from brepgaussian.points.curves import find_curves, project
+from brepgaussian.points.curves import Curve, find_curves, project
 from brepgaussian.points.densify import densify
 from brepgaussian.points.graph import components, neighbour_pairs, spacing_of, thin
 from brepgaussian.points.shading import fit_shading, gradients
+from brepgaussian.points.snap import believed
 from brepgaussian.points.superpoints import contract
 from brepgaussian.points.votes import agreement, interior, nan_median
 from brepgaussian.settings.points import PointsSettings
@@ -312,3 +313,24 @@ def test_pieces_of_a_plane_join_unless_a_wall_cuts_them(wall, expected):
             labels = np.concatenate([labels, np.full(len(plane), len(planes))])
             planes = [*planes, surfaces.plane(np.array([side * 0.03, 0, 0]), np.array([-side, 0.0, 0]))]
     assert joined(points, labels, 0, 1, planes[0], planes, 0.02, 0.001) is expected
+
+
+def circle_between(first, second, shown, radius=0.2):
+    """A closed curve between patches 0 and 1 of two surfaces."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(60)])
+    return Curve(points, (0, 1), True, shown), [first, second]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "shown", "kept"),
+    [(90, 0.0, True), (40, 0.1, True), (25, 0.95, True), (25, 0.5, False), (10, 1.0, False)],
+)
+def test_curves_at_small_angles_are_believed_only_if_views_show_them(degrees, shown, kept):
+    cylinder = surfaces.Surface("cylinder", np.zeros(3), np.array([0, 0, 1.0]), radius=0.2)
+    taper = np.radians(degrees)
+    origin = np.array([0, 0, 0.2 / np.tan(taper)])  # the cone's apex; it is as wide as the cylinder at z = 0
+    cone = surfaces.Surface("cone", origin, np.array([0, 0, -1.0]), angle=taper)
+    curve, pair = circle_between(cylinder, cone, shown)
+    assert abs(cone.signed_distance(curve.points)).max() < 1e-9
+    assert bool(believed([curve], pair)) == kept

@@ -27,11 +27,17 @@ _SHORTEST = 1.5  # spacings
 
 @dataclass(frozen=True)
 class Curve:
-    """One edge instance: (S, 3) ordered points, the two patches, whether it is closed."""
+    """One edge instance.
+
+    Attributes:
+        points: (S, 3) ordered; pair: its two patches; closed: whether it is a loop.
+        shown: share of the views seeing it that show an edge there; NaN = not looked at.
+    """
 
     points: Array
     pair: tuple[int, int]
     closed: bool
+    shown: float = np.nan
 
 
 def find_curves(xyz: Array, labels: Index, surfaces: list[Surface], spacing: float, step: float) -> list[Curve]:

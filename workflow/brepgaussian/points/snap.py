@@ -25,6 +25,9 @@ _OUTLIER_PX = 2.0
 _SMOOTH = 0.02  # unit frame; neighbouring samples of a curve share their measurements over this length
 _LEAST_VIEWS = 3.0
 _MOST = 0.02  # unit frame; the largest shift that is believed
+_TANGENT = np.cos(np.radians(15.0))  # curved primitives, as fitted to tangent faces, meet at up to this angle
+_SHALLOW = np.cos(np.radians(30.0))  # below it an edge must be seen: true ones are in .9 of the views, false ones in .7
+_LEAST_SHOWN = 0.8
 
 
 def snap(
@@ -52,8 +55,9 @@ def snap(
     tangents = np.concatenate([_tangents(c) for c in curves])
     facing = [np.concatenate([surfaces[c.pair[k]].normals(c.points) for c in curves]) for k in (0, 1)]
     points = start.copy()
+    seen = found = np.zeros(len(points))
     for window in _WINDOWS_PX[:_ROUNDS]:
-        hessian, gradient, views = _measure(points, tangents, facing, cameras, edges, dense, spacing, window)
+        hessian, gradient, seen, found = _measure(points, tangents, facing, cameras, edges, dense, spacing, window)
         # the prior pulls back to where the surfaces meet; nothing moves along the curve
         prior = np.eye(3) / _PRIOR**2
         along = tangents[:, :, None] * tangents[:, None, :] * 1e9
@@ -62,7 +66,7 @@ def snap(
         for curve, size in zip(curves, sizes, strict=True):
             part = slice(first, first + size)
             kernel = _kernel(curve)
-            h, g, n = (_blur(values[part], kernel, curve.closed) for values in (hessian, gradient, views))
+            h, g, n = (_blur(values[part], kernel, curve.closed) for values in (hessian, gradient, found))
             g = g + (start[part] - points[part]) @ prior
             move = np.linalg.solve(h + prior + along[part], g[..., None])[..., 0]
             move[n < _LEAST_VIEWS] = 0
@@ -71,8 +75,21 @@ def snap(
         points = points + shift
         far = np.linalg.norm(points - start, axis=1)
         points = start + (points - start) * np.minimum(1, _MOST / np.maximum(far, 1e-12))[:, None]
-    parts = np.split(points, np.cumsum(sizes)[:-1])
-    return [replace(curve, points=part) for curve, part in zip(curves, parts, strict=True)]
+    cuts = np.cumsum(sizes)[:-1]
+    parts = zip(curves, np.split(points, cuts), np.split(seen, cuts), np.split(found, cuts), strict=True)
+    return [replace(c, points=p, shown=float(f.sum() / s.sum()) if s.any() else np.nan) for c, p, s, f in parts]
+
+
+def believed(curves: list[Curve], surfaces: list[Surface]) -> list[Curve]:
+    """The curves without those of patches that are tangent: these meet at small angles, where no view shows an edge."""
+    kept = []
+    for curve in curves:
+        one, other = (surfaces[k] for k in curve.pair)
+        cosine = float(np.median((one.normals(curve.points) * other.normals(curve.points)).sum(axis=1)))
+        tangent = cosine > _TANGENT and (one.kind, other.kind) != ("plane", "plane")
+        if not tangent and not (cosine > _SHALLOW and curve.shown < _LEAST_SHOWN):
+            kept.append(curve)
+    return kept
 
 
 def _tangents(curve: Curve) -> Array:
@@ -102,9 +119,10 @@ def _blur(values: Array, kernel: Array, closed: bool) -> Array:
 def _measure(
     points: Array, tangents: Array, facing: list[Array], cameras: Cameras, edges: NDArray[np.uint8], dense: Array,
     spacing: float, window: float,
-) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Normal equations (N, 3, 3), (N, 3) of the shift of each point, and in how many views it was measured."""
-    hessian, gradient, views = np.zeros((len(points), 3, 3)), np.zeros_like(points), np.zeros(len(points))
+) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    """Normal equations (N, 3, 3), (N, 3) of the shift of each point, how many views see it, and how many an edge."""
+    hessian, gradient = np.zeros((len(points), 3, 3)), np.zeros_like(points)
+    seen, found = np.zeros(len(points)), np.zeros(len(points))
     offsets = np.arange(-window - _PEAK_PX, window + _PEAK_PX + 1e-9, _SAMPLE_PX)
     for view, center in enumerate(cameras.centers):
         sight = center - points
@@ -130,8 +148,9 @@ def _measure(
         row = np.einsum("ni,nij->nj", across, jacobian)
         hessian[index] += weight[:, None, None] * row[:, :, None] * row[:, None, :]
         gradient[index] += (weight * delta)[:, None] * row
-        views[index] += strength > 0
-    return hessian, gradient, views
+        seen[index] += 1
+        found[index] += strength > 0
+    return hessian, gradient, seen, found
 
 
 def _jacobian(cameras: Cameras, view: int, points: Array) -> tuple[Array, Array]:

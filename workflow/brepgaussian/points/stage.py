@@ -18,7 +18,7 @@ from brepgaussian.points.assign import label_surfels
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
 from brepgaussian.points.graph import Index
-from brepgaussian.points.snap import snap
+from brepgaussian.points.snap import believed, snap
 from brepgaussian.settings.points import PointsSettings
 
 
@@ -70,13 +70,13 @@ def make_points(
     if curves and settings.snap_curves:
         edges = read_masks(masks_path).edges
         dense = samples.xyz
-        curves = snap(curves, surfaces, views.cameras, edges, dense, spacing)
+        curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
         anchored = anchor_surfaces(surfaces, xyz, result.labels, curves)
         samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
         xyz = follow(xyz, result.labels, surfaces, anchored)
         surfaces = anchored
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
-        curves = snap(curves, surfaces, views.cameras, edges, dense, spacing)
+        curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
     points = assemble(samples, label, curves, surfaces)
     points.write(out_path)
     return points
