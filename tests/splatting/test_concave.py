@@ -129,30 +129,33 @@ def test_the_narrower_end_of_a_hole_is_its_width():
     assert rim.depth == pytest.approx(0.05, abs=0.006)  # from a radius of .17 to the other's .12
 
 
+def views_of(tmp_path, part, count=40, size=500):
+    """Views and truth of a bundled part."""
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    settings = ViewsSettings(rendered_views=count, image_size=size)
+    make_views(object_name="part", source="part", path=part, settings=settings, **files)
+    return read_views(files["out_views"]), read_truth(files["out_truth"])
+
+
+def distances(views, truth, face):
+    """Mean distance of a true face to the hull, closed and opened."""
+    points = truth.points[truth.point_face == face]
+    hulls = [carve(views, 120, 1, concavities)[0] for concavities in (False, True)]
+    return [float(np.abs(Scene(h.vertices, h.triangles).signed_distance(points)).mean()) for h in hulls]
+
+
 def test_a_cross_hole_in_a_shaft_is_opened(tmp_path):
     """Most of a cross hole's wall is hidden from every silhouette; its mouth lies on a cylinder."""
-    settings = ViewsSettings(rendered_views=40, image_size=500)
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    make_views(object_name="shaft", source="part", path="d_shaft:3", settings=settings, **files)
-    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    views, truth = views_of(tmp_path, "d_shaft:3")
     areas = {f: (truth.point_face == f).sum() for f, kind in enumerate(truth.face_types) if kind == "cylinder"}
-    hole = truth.point_face == min(areas, key=areas.get)
-
-    def distance(concavities):
-        hull, _ = carve(views, 120, 1, concavities)
-        return float(np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points[hole])).mean())
-
-    closed = distance(False)
+    closed, opened = distances(views, truth, min(areas, key=areas.get))
     assert closed > 0.015
-    assert distance(True) < closed / 3
+    assert opened < closed / 3
 
 
 def test_a_port_ends_in_its_pocket(tmp_path):
     """A port through one wall shows background by way of the pocket."""
-    settings = ViewsSettings(rendered_views=40, image_size=500)
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    make_views(object_name="housing", source="part", path="pocket_housing:4", settings=settings, **files)
-    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    views, truth = views_of(tmp_path, "pocket_housing:4")
     hull, _ = carve(views, 100, 1, True)
     distance = np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points))
     by_face = {f: distance[truth.point_face == f] for f in range(len(truth.face_types))}
@@ -163,10 +166,7 @@ def test_a_port_ends_in_its_pocket(tmp_path):
 
 
 def test_surfaces_that_no_place_tells_of_are_not_told_apart(tmp_path):
-    settings = ViewsSettings(rendered_views=8, image_size=120)
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    make_views(object_name="block", source="part", path="block_hole:2", settings=settings, **files)
-    views = read_views(files["out_views"])
+    views, _ = views_of(tmp_path, "block_hole:2", 8, 120)
     hull, _ = carve(views, 48, 1)
     middle = hull.vertices.mean(axis=0)
     scene, smaller = (Scene(middle + s * (hull.vertices - middle), hull.triangles) for s in (1.0, 0.98))
@@ -177,22 +177,10 @@ def test_surfaces_that_no_place_tells_of_are_not_told_apart(tmp_path):
 
 def test_a_keyway_longer_than_its_cylinder_is_wide_is_opened(tmp_path):
     """The face around a keyway is looked at as far as the keyway is wide, not as far as it is long."""
-    settings = ViewsSettings(rendered_views=40, image_size=500)
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    make_views(object_name="journal", source="part", path="keyway_journal:3", settings=settings, **files)
-    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    views, truth = views_of(tmp_path, "keyway_journal:3")
     shares = np.bincount(truth.point_face)
-    planes = [
-        f
-        for f, kind in enumerate(truth.face_types)
-        if kind == "plane" and abs(truth.normals[truth.point_face == f][0, 0]) > 0.99
-    ]
-    floor = truth.point_face == max(planes, key=lambda f: shares[f])
-
-    def distance(concavities):
-        hull, _ = carve(views, 120, 1, concavities)
-        return float(np.abs(Scene(hull.vertices, hull.triangles).signed_distance(truth.points[floor])).mean())
-
-    closed = distance(False)
+    planes = [f for f, kind in enumerate(truth.face_types) if kind == "plane"]
+    planes = [f for f in planes if abs(truth.normals[truth.point_face == f][0, 0]) > 0.99]
+    closed, opened = distances(views, truth, max(planes, key=lambda f: shares[f]))
     assert closed > 0.04
-    assert distance(True) < closed / 8
+    assert opened < closed / 8

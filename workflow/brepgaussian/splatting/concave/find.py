@@ -10,9 +10,10 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.join import joined
+from brepgaussian.splatting.concave.mouths import completed
 from brepgaussian.splatting.concave.openings import Images, Stack, enclosed, is_framed, openings, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
 
 _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
@@ -42,7 +43,7 @@ def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism
     """
     mesh = scene.vertices, scene.triangles
     footprint = images.views.cameras.footprint()
-    found: list[Prism] = []
+    found: list[tuple[Prism, float]] = []
     for region in planar_regions(*mesh, 2 * cell):
         if known and not _is_floor(region, known, 2 * cell):
             continue
@@ -52,7 +53,11 @@ def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism
             lattice = region.lattice(*mesh, coarser)
         if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
             found += _concavities(images, scene, rectify(images, scene, lattice))
-    return joined(found, 2 * cell)
+
+    def again(lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
+        return measure(rectify(images, scene, lattice), outline, images.views.cameras.centers, scene, images.tolerance)
+
+    return joined([prism for prism, _ in completed(found, again)], 2 * cell)
 
 
 def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
@@ -76,7 +81,7 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
             if square is not None:
                 again = rectify(images, scene, square.lattice, square.relief)
                 under = _concavities(images, scene, again, centered=True)
-                found += [p for p in under if p.depth - square.relief[p.outline].max() > _LEAST_CURVED_CELLS * pitch]
+                found += [p for p, _ in under if p.depth - square.relief[p.outline].max() > _LEAST_CURVED_CELLS * pitch]
     return found
 
 
@@ -88,8 +93,11 @@ def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, p
     return bool((np.abs(scene.signed_distance(places)) < 2 * pitch).mean() < _LID_SHARE)
 
 
-def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = False) -> list[Prism]:
-    """What lies under the openings of one face (or under its middle), best told first, none over another."""
+def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = False) -> list[tuple[Prism, float]]:
+    """What lies under the openings of one face (or under its middle), with what each explains.
+
+    Best told first, none over another.
+    """
     cameras = images.views.cameras
     least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
     outlines = openings(stack, least) + enclosed(stack, least, images.tolerance)
@@ -104,9 +112,9 @@ def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = Fa
                 fits.append(fit)
     taken = np.zeros(stack.lattice.shape, bool)
     chosen = []
-    for prism, _ in sorted(fits, key=lambda fit: -fit[1]):
+    for prism, gain in sorted(fits, key=lambda fit: -fit[1]):
         if (prism.outline & taken).sum() <= _OVERLAP * prism.outline.sum():
-            chosen.append(prism)
+            chosen.append((prism, gain))
             taken |= prism.outline
     return chosen
 

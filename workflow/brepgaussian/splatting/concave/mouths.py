@@ -1,0 +1,103 @@
+"""The two mouths of a round hole, each seen in part: a chamfer as bright as its face refutes no lid."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+
+Array = NDArray[np.float64]
+Outline = NDArray[np.bool_]
+Measure = Callable[[Lattice, Outline], tuple[Prism, float] | None]
+
+logger = log.get_logger("stage1")
+
+_OPPOSITE = 0.999  # cosine of 2.5 degrees
+_OVERLAP = 0.7  # of the smaller outline lies under the other one
+_LOPSIDED = 1.05  # area of both together over the larger one's
+_TRIALS = 200  # circles through three places of a border
+_NEAR_CELLS = 1.0  # from the circle, to lie on it
+_ROUND_SHARE = 0.6  # of the border on the circle
+
+
+def completed(found: list[tuple[Prism, float]], measure: Measure) -> list[tuple[Prism, float]]:
+    """The same concavities, but the mouths of a round hole through the part have the outline that both show together.
+
+    Args:
+        found: concavities and what each explains.
+        measure: of an outline on a lattice, to look again.
+    """
+    result = list(found)
+    for i in range(len(found)):
+        for j in range(i + 1, len(found)):
+            pair = result[i][0], result[j][0]
+            disc = _common_disc(*pair)
+            if disc is None:
+                continue
+            again = [measure(prism.lattice, _carried(pair[0].lattice, disc, prism.lattice)) for prism in pair]
+            if all(new is not None and new[0].through for new in again):
+                gains = sum(new[1] for new in again if new is not None)
+                if gains > result[i][1] + result[j][1]:
+                    logger.info(
+                        "two mouths of a round hole: areas %.4f and %.4f", *(new[0].area for new in again if new)
+                    )
+                    result[i], result[j] = (new for new in again if new is not None)
+    return result
+
+
+def _common_disc(first: Prism, second: Prism) -> Outline | None:
+    """The disc, on the first's lattice, that both mouths show in part; None if they are no such mouths."""
+    if not (first.through and second.through) or any(first.tilt) or any(second.tilt):
+        return None
+    if first.lattice.normal @ second.lattice.normal > -_OPPOSITE:
+        return None
+    other = _carried(second.lattice, second.outline, first.lattice)
+    both, areas = first.outline | other, (first.outline.sum(), other.sum())
+    if (first.outline & other).sum() < _OVERLAP * min(areas) or both.sum() < _LOPSIDED * max(areas):
+        return None
+    return _disc(both)
+
+
+def _carried(start: Lattice, outline: Outline, lattice: Lattice) -> Outline:
+    """An outline carried along the normal to another lattice."""
+    cells = np.round(start.coordinates(lattice.centers().reshape(-1, 3))[0]).astype(int)
+    inside = ((cells >= 0) & (cells < outline.shape)).all(axis=1)
+    carried = np.zeros(len(cells), bool)
+    carried[inside] = outline[tuple(cells[inside].T)]
+    return carried.reshape(lattice.shape)
+
+
+def _disc(outline: Outline) -> Outline | None:
+    """The disc of which an outline shows most of the rim, or None."""
+    border = _border(outline)
+    rng = np.random.default_rng(0)
+    best = np.zeros(len(border), bool)
+    for _ in range(_TRIALS):
+        middle, radius = _circle(border[rng.choice(len(border), 3, replace=False)])
+        near = np.abs(np.linalg.norm(border - middle, axis=1) - radius) < _NEAR_CELLS
+        best = near if near.sum() > best.sum() else best
+    if best.sum() < _ROUND_SHARE * len(border):
+        return None
+    middle, radius = _circle(border[best])
+    rows, columns = np.indices(outline.shape)
+    return np.asarray(np.hypot(rows - middle[0], columns - middle[1]) <= radius)
+
+
+def _border(outline: Outline) -> Array:
+    """(N, 2) places on an outline's border, half-way between a cell of it and one beside it."""
+    padded = np.pad(outline, 1).astype(np.int8)
+    places = []
+    for axis in (0, 1):
+        change = np.argwhere(np.diff(padded, axis=axis) != 0).astype(float)
+        change[:, axis] += 0.5
+        places.append(change - 1)
+    return np.concatenate(places)
+
+
+def _circle(places: Array) -> tuple[Array, float]:
+    """Middle (2,) and radius of the circle next to places (N, 2), by algebraic least squares."""
+    terms = np.column_stack([2 * places, np.ones(len(places))])
+    solved = np.linalg.lstsq(terms, (places**2).sum(axis=1), rcond=None)[0]
+    return solved[:2], float(np.sqrt(max(solved[2] + solved[:2] @ solved[:2], 0.0)))
