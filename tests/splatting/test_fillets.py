@@ -1,5 +1,6 @@
 """Fillets between confirmed planar faces: radii against the solid that the images were made of."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -129,3 +130,20 @@ def test_a_fillet_touches_both_planes(angle):
         assert edge.filled(tangent[None], 0.1)[0] == pytest.approx(0, abs=1e-9)
         assert edge.filled((tangent + 0.001 * edge.normals[k] - 0.02 * ahead)[None], 0.1)[0] > 0  # below the fillet
         assert edge.filled((tangent + 0.001 * edge.normals[k] + 0.02 * ahead)[None], 0.1)[0] < 0  # past it
+
+
+def test_planes_that_meet_inside_the_solid_or_in_nothing_are_left():
+    edge = corner(np.radians(90))
+    sharp, faces = block(edge, 0), faces_of(edge)
+    images = images_of(edge, 0, cameras_above(3), 8)
+    for value in (-1.0, 1.0):
+        hull = sharp.with_field(np.where(np.abs(sharp.field) < 9, value, 0).astype(np.float32))
+        hull.field[:2] = 1.0  # a surface elsewhere
+        hull.field[2:4] = -1.0
+        assert round_edges(images, hull, hull, faces)[0] is hull
+
+
+def test_a_face_without_cells_has_no_edge():
+    floor, wall = faces_of(corner(np.radians(90)))
+    bare = replace(wall, outline=np.zeros_like(wall.outline))
+    assert inner_edge(floor, bare, SPACING) is None

@@ -115,11 +115,13 @@ def round_edges(images: Images, silhouettes: Volume, hull: Volume, faces: Sequen
             radius, hull = found
             under = edge.tangent_length(radius)
             faces[i], faces[j] = (_clear_of(faces[k], edge, under) for k in (i, j))
-    return hull, faces
+    return hull, [face for face in faces if face.outline.any()]
 
 
 def inner_edge(face: Face, other: Face, spacing: float) -> Edge | None:
     """The inner edge in which two faces' planes meet, or None if they don't, or not beside both faces."""
+    if not (face.outline.any() and other.outline.any()):
+        return None
     normals = np.stack([face.lattice.normal, other.lattice.normal])
     cross = np.cross(*normals)
     sine = float(np.linalg.norm(cross))
@@ -156,18 +158,22 @@ def _best(rays: Rays, edge: Edge, silhouettes: Volume, hull: Volume) -> tuple[fl
     if largest < smallest:
         return None
     local = _Local(edge, silhouettes, hull, edge.tangent_length(largest))
+    if not has_surface(local.hull):
+        return None
     concerned = rays.hitting(Scene(*hull.mesh()), lambda points: edge.corner(points, local.length, hull.spacing))
     before = concerned.costs(local.scene(local.hull))
     if before[1].sum() < _LEAST_RAYS:
         return None
     trials = _Trials(concerned, local)
     trials.measure(np.geomspace(smallest, largest, _RADII))
-    if trials.mean(trials.lowest()) >= mean_cost(before):
+    if not trials.costs or trials.mean(trials.lowest()) >= mean_cost(before):
         return None
     ratio = (largest / smallest) ** (1 / (_RADII - 1))
     trials.measure(np.geomspace(trials.lowest() / ratio, trials.lowest() * ratio, _FINER + 2)[1:-1])
     radius = trials.between()
     trials.measure(np.array([radius]))
+    if radius not in trials.costs:
+        return None
     sure = concerned.advantage(before, trials.costs[radius]) > SURE
     if not sure or trials.mean(radius) > _GAIN * mean_cost(before):
         return None
@@ -176,6 +182,11 @@ def _best(rays: Rays, edge: Edge, silhouettes: Volume, hull: Volume) -> tuple[fl
         radius, trials.mean(radius), mean_cost(before),
     )  # fmt: skip
     return radius, local.merged(local.rounded(radius))
+
+
+def has_surface(field: NDArray[np.float32]) -> bool:
+    """Whether a field (K, L, M) changes its sign."""
+    return bool(field.min() < 0 < field.max())
 
 
 class _Trials:
@@ -188,7 +199,9 @@ class _Trials:
     def measure(self, radii: Array) -> None:
         """Try some radii (N,)."""
         for radius in map(float, radii):
-            self.costs[radius] = self.rays.costs(self.local.scene(self.local.rounded(radius)))
+            field = self.local.rounded(radius)
+            if has_surface(field):
+                self.costs[radius] = self.rays.costs(self.local.scene(field))
 
     def mean(self, radius: float) -> float:
         """How much they disagree about one; infinite where too few rays tell."""
@@ -259,7 +272,5 @@ def _corners(edge: Edge, along: float, length: float) -> Iterator[Array]:
 
 def _clear_of(face: Face, edge: Edge, distance: float) -> Face:
     """A face without the cells that lie nearer to an edge, along its span."""
-    inside = edge.corner(face.lattice.centers().reshape(-1, 3), distance, face.lattice.pitch).reshape(
-        face.outline.shape
-    )
-    return replace(face, outline=face.outline & ~inside)
+    inside = edge.corner(face.lattice.centers().reshape(-1, 3), distance, face.lattice.pitch)
+    return replace(face, outline=face.outline & ~inside.reshape(face.outline.shape))
