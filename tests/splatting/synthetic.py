@@ -8,9 +8,9 @@ from brepgaussian.geometry.cameras import Cameras
 _SUB = 4  # rays per pixel and axis
 
 
-def look_at(eye: np.ndarray) -> np.ndarray:
-    """(4, 4) pose of a camera at `eye` that looks at (.5, .5, .5)."""
-    forward = 0.5 - eye
+def look_at(eye: np.ndarray, target: np.ndarray | float = 0.5) -> np.ndarray:
+    """(4, 4) pose of a camera at `eye` that looks at a target, (.5, .5, .5) unless told."""
+    forward = target - eye
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)

@@ -19,6 +19,7 @@ from brepgaussian.splatting.faces.candidates import Candidate
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
+from synthetic import look_at
 
 SIZE, FOCAL = 400, 520.0
 
@@ -28,12 +29,7 @@ def ring_of_cameras(count=12):
     for k in range(count):
         angle, height = 2 * np.pi * k / count, 0.9 + 0.5 * (k % 3)
         center = np.array([0.5 + 1.3 * np.cos(angle), 0.5 + 1.3 * np.sin(angle), 0.5 + height])
-        forward = np.array([0.5, 0.5, 0.5]) - center
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        rotation = np.stack([right, np.cross(forward, right), forward])
-        poses.append(np.vstack([np.column_stack([rotation, -rotation @ center]), [0, 0, 0, 1]]))
+        poses.append(look_at(center))
     return Cameras(np.tile([FOCAL, FOCAL, SIZE / 2, SIZE / 2], (count, 1)), np.array(poses), SIZE, SIZE)
 
 

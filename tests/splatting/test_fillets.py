@@ -11,6 +11,7 @@ from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.confirm import Face
 from brepgaussian.splatting.faces.fillets import Edge, inner_edge, round_edges
+from synthetic import look_at
 
 SIZE, FOCAL, SPACING = 300, 390.0, 1 / 96
 LIGHT = np.array([0.5, 0.3, 0.81])
@@ -22,12 +23,7 @@ def cameras_above(count):
     for k in range(count):
         angle = 2 * np.pi * k / count
         center = np.array([0.9 + 0.8 * np.cos(angle), 0.5 + 0.8 * np.sin(angle), 1.6 + 0.2 * (k % 3)])
-        forward = POINT - center
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        rotation = np.stack([right, np.cross(forward, right), forward])
-        poses.append(np.vstack([np.column_stack([rotation, -rotation @ center]), [0, 0, 0, 1]]))
+        poses.append(look_at(center, POINT))
     return Cameras(np.tile([FOCAL, FOCAL, SIZE / 2, SIZE / 2], (count, 1)), np.array(poses), SIZE, SIZE)
 
 

@@ -37,13 +37,10 @@ def completed(found: list[tuple[Prism, float]], measure: Measure) -> list[tuple[
             if disc is None:
                 continue
             again = [measure(prism.lattice, _carried(pair[0].lattice, disc, prism.lattice)) for prism in pair]
-            if all(new is not None and new[0].through for new in again):
-                gains = sum(new[1] for new in again if new is not None)
-                if gains > result[i][1] + result[j][1]:
-                    logger.info(
-                        "two mouths of a round hole: areas %.4f and %.4f", *(new[0].area for new in again if new)
-                    )
-                    result[i], result[j] = (new for new in again if new is not None)
+            through = [new for new in again if new is not None and new[0].through]
+            if len(through) == 2 and sum(gain for _, gain in through) > result[i][1] + result[j][1]:
+                logger.info("two mouths of a round hole: areas %.4f and %.4f", *(prism.area for prism, _ in through))
+                result[i], result[j] = through
     return result
 
 

@@ -105,14 +105,15 @@ def round_edges(images: Images, silhouettes: Volume, hull: Volume, faces: Sequen
     """
     faces = list(faces)
     rays: Rays | None = None
+    scene: Scene | None = None  # of the hull as it is
     for i, j in itertools.combinations(range(len(faces)), 2):
         edge = inner_edge(faces[i], faces[j], hull.spacing)
         if edge is None:
             continue
-        rays = rays or rays_at_object(images)
-        found = _best(rays, edge, silhouettes, hull)
+        rays, scene = rays or rays_at_object(images), scene or hull.scene()
+        found = _best(rays, edge, silhouettes, hull, scene)
         if found is not None:
-            radius, hull = found
+            (radius, hull), scene = found, None
             under = edge.tangent_length(radius)
             faces[i], faces[j] = (_clear_of(faces[k], edge, under) for k in (i, j))
     return hull, [face for face in faces if face.outline.any()]
@@ -151,16 +152,19 @@ def inner_edge(face: Face, other: Face, spacing: float) -> Edge | None:
     return Edge(point, direction, normals, (least, most), reach)
 
 
-def _best(rays: Rays, edge: Edge, silhouettes: Volume, hull: Volume) -> tuple[float, Volume] | None:
-    """Radius of the fillet about which views agree best, and the hull with it, or None if it is no better."""
+def _best(rays: Rays, edge: Edge, silhouettes: Volume, hull: Volume, scene: Scene) -> tuple[float, Volume] | None:
+    """Radius of the fillet about which views agree best, and the hull with it, or None if it is no better.
+
+    `scene` is the hull's surface.
+    """
     largest = min(_MOST_RADIUS, edge.radius(edge.reach))
     smallest = _LEAST_RADIUS_VOXELS * hull.spacing
     if largest < smallest:
         return None
     local = _Local(edge, silhouettes, hull, edge.tangent_length(largest))
-    if not has_surface(local.hull):
+    if not _has_surface(local.hull):
         return None
-    concerned = rays.hitting(Scene(*hull.mesh()), lambda points: edge.corner(points, local.length, hull.spacing))
+    concerned = rays.hitting(scene, lambda points: edge.corner(points, local.length, hull.spacing))
     before = concerned.costs(local.scene(local.hull))
     if before[1].sum() < _LEAST_RAYS:
         return None
@@ -184,7 +188,7 @@ def _best(rays: Rays, edge: Edge, silhouettes: Volume, hull: Volume) -> tuple[fl
     return radius, local.merged(local.rounded(radius))
 
 
-def has_surface(field: NDArray[np.float32]) -> bool:
+def _has_surface(field: NDArray[np.float32]) -> bool:
     """Whether a field (K, L, M) changes its sign."""
     return bool(field.min() < 0 < field.max())
 
@@ -200,7 +204,7 @@ class _Trials:
         """Try some radii (N,)."""
         for radius in map(float, radii):
             field = self.local.rounded(radius)
-            if has_surface(field):
+            if _has_surface(field):
                 self.costs[radius] = self.rays.costs(self.local.scene(field))
 
     def mean(self, radius: float) -> float:

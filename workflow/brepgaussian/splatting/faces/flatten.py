@@ -26,9 +26,7 @@ _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge
 _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none,
 # unless that is high and stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
 _STANDING_SHARE = 0.08
-_TALL_CELLS = (
-    10.0  # lower is a fillet (fillet_bracket 4, stepped_shaft 5), or the plane cuts into the part (hinge_leaf .5)
-)
+_TALL_CELLS = 10.0  # lower is a fillet (4 to 5 measured), or the plane cuts into the part (.5 measured)
 _STANDING_CELLS = 2  # around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
