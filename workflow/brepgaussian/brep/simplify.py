@@ -35,6 +35,8 @@ _TOUCH = 2.0  # of reach: patches this near to each other are neighbours
 _MOST_FITTED = 1500  # points of a patch that a proposal is fitted to
 _SMALL = 0.015  # of all points: larger patches are not left out
 _HALF = 0.5  # of a small patch's points that others must explain
+_TINY = 0.004  # of all points: so few may be all of a rounded-off inner edge,
+_ROUNDED = 0.012  # unit frame: which stands off the faces beside it by up to the width of its fringe
 
 
 @dataclass(frozen=True)
@@ -163,10 +165,11 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
             continue
         off = np.full(len(patch.xyz), np.inf)
         for other in (p for k, p in enumerate(patches) if k != index):
-            limit = _TOUCH * max(patch.reach, other.reach) * 2
-            near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=limit)[0] <= limit
+            beside = _TOUCH * max(patch.reach, other.reach) * 2
+            near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=beside)[0] <= beside
             off[near] = np.minimum(off[near], np.abs(other.surface.signed_distance(patch.xyz[near])))
-        if np.mean(off <= _SIGMAS * max(noise, 1e-9)) >= _HALF:
+        limit = max(_SIGMAS * noise, _ROUNDED if len(patch.xyz) <= _TINY * total else 1e-9)
+        if np.mean(off <= limit) >= _HALF:
             yield Change(f"without patch {patch.primitive}", (index,), ())
 
 

@@ -11,9 +11,17 @@ from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.join import joined
 from brepgaussian.splatting.concave.mouths import completed
-from brepgaussian.splatting.concave.openings import Images, Stack, enclosed, is_framed, openings, rectify
+from brepgaussian.splatting.concave.openings import (
+    Images,
+    Stack,
+    beside_islands,
+    enclosed,
+    is_framed,
+    openings,
+    rectify,
+)
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
 
 _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
@@ -45,14 +53,15 @@ def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism
     footprint = images.views.cameras.footprint()
     found: list[tuple[Prism, float]] = []
     for region in planar_regions(*mesh, 2 * cell):
-        if known and not _is_floor(region, known, 2 * cell):
+        floor = _floor_of(region, known, 2 * cell)
+        if known and floor is None:
             continue
         lattice = region.lattice(*mesh, _PITCH_PIXELS * footprint)
         if np.prod(lattice.shape) > _MAXIMUM_CELLS:
             coarser = lattice.pitch * np.sqrt(np.prod(lattice.shape) / _MAXIMUM_CELLS)
             lattice = region.lattice(*mesh, coarser)
         if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
-            found += _concavities(images, scene, rectify(images, scene, lattice))
+            found += _concavities(images, scene, rectify(images, scene, lattice), floor=floor)
 
     def again(lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
         return measure(rectify(images, scene, lattice), outline, images.views.cameras.centers, scene, images.tolerance)
@@ -93,10 +102,12 @@ def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, p
     return bool((np.abs(scene.signed_distance(places)) < 2 * pitch).mean() < _LID_SHARE)
 
 
-def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = False) -> list[tuple[Prism, float]]:
+def _concavities(
+    images: Images, scene: Scene, stack: Stack, centered: bool = False, floor: Prism | None = None
+) -> list[tuple[Prism, float]]:
     """What lies under the openings of one face (or under its middle), with what each explains.
 
-    Best told first, none over another.
+    Best told first, none over another. The face may be the floor of a concavity that is known.
     """
     cameras = images.views.cameras
     least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
@@ -104,9 +115,13 @@ def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = Fa
     if centered:
         middle = tuple(n // 2 for n in stack.lattice.shape)
         outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
+    outlines = [outline for outline in outlines if is_framed(stack, outline)]
+    if floor is not None:
+        whole = carried(floor.lattice, floor.outline, stack.lattice)
+        outlines += beside_islands(stack, whole, least, images.tolerance)
     fits = []
     for outline in outlines:
-        if is_framed(stack, outline):
+        if outline.any():
             fit = measure(stack, outline, cameras.centers, scene, images.tolerance)
             if fit is not None and _believable(fit[0]):
                 fits.append(fit)
@@ -119,15 +134,15 @@ def _concavities(images: Images, scene: Scene, stack: Stack, centered: bool = Fa
     return chosen
 
 
-def _is_floor(region: PlanarRegion, known: Sequence[Prism], tolerance: float) -> bool:
-    """Whether a planar region is the floor of a known concavity."""
+def _floor_of(region: PlanarRegion, known: Sequence[Prism], tolerance: float) -> Prism | None:
+    """The known concavity whose floor a planar region is."""
     for prism in known:
         along = float(region.normal @ prism.lattice.normal)
         center = region.offset * region.normal  # the plane's point nearest to the frame's origin
         height = float((prism.lattice.origin - center) @ prism.lattice.normal)
         if along > _PARALLEL and abs(height - prism.depth) < tolerance and not prism.through:
-            return True
-    return False
+            return prism
+    return None
 
 
 def _believable(prism: Prism) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 
 Array = NDArray[np.float64]
 Outline = NDArray[np.bool_]
@@ -36,7 +36,7 @@ def completed(found: list[tuple[Prism, float]], measure: Measure) -> list[tuple[
             disc = _common_disc(*pair)
             if disc is None:
                 continue
-            again = [measure(prism.lattice, _carried(pair[0].lattice, disc, prism.lattice)) for prism in pair]
+            again = [measure(prism.lattice, carried(pair[0].lattice, disc, prism.lattice)) for prism in pair]
             through = [new for new in again if new is not None and new[0].through]
             if len(through) == 2 and sum(gain for _, gain in through) > result[i][1] + result[j][1]:
                 logger.info("two mouths of a round hole: areas %.4f and %.4f", *(prism.area for prism, _ in through))
@@ -50,20 +50,11 @@ def _common_disc(first: Prism, second: Prism) -> Outline | None:
         return None
     if first.lattice.normal @ second.lattice.normal > -_OPPOSITE:
         return None
-    other = _carried(second.lattice, second.outline, first.lattice)
+    other = carried(second.lattice, second.outline, first.lattice)
     both, areas = first.outline | other, (first.outline.sum(), other.sum())
     if (first.outline & other).sum() < _OVERLAP * min(areas) or both.sum() < _LOPSIDED * max(areas):
         return None
     return _disc(both)
-
-
-def _carried(start: Lattice, outline: Outline, lattice: Lattice) -> Outline:
-    """An outline carried along the normal to another lattice."""
-    cells = np.round(start.coordinates(lattice.centers().reshape(-1, 3))[0]).astype(int)
-    inside = ((cells >= 0) & (cells < outline.shape)).all(axis=1)
-    carried = np.zeros(len(cells), bool)
-    carried[inside] = outline[tuple(cells[inside].T)]
-    return carried.reshape(lattice.shape)
 
 
 def _disc(outline: Outline) -> Outline | None:

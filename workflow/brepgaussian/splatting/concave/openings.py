@@ -24,6 +24,7 @@ _SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
 _BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
+_ISLAND_SHARE = 0.5  # of a boss's top is face; in the rest a hole may be
 _RIM_SLOPE = 0.3  # tolerances per cell: a step of two grey levels, blurred by a cell, is steeper
 _RIM_CELLS = 2  # half the width of a blurred rim
 _OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
@@ -160,6 +161,28 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
         if area >= least_area and not (outline & border).any():
             found.append(outline)
     return found
+
+
+def beside_islands(
+    stack: Stack, floor: NDArray[np.bool_], least_area: float, tolerance: float
+) -> list[NDArray[np.bool_]]:
+    """(R, C) outlines of a floor (R, C) without what stands in it: bosses that end below the pocket's rim.
+
+    Rays that pass a boss's top tell no deeper floor, so the pocket was opened down to it. There the boss is enclosed
+    by a step in grey, and views agree about it; about what lies beside it they may agree as well, if it has one grey.
+    """
+    floor = floor & stack.domain
+    found = [region for region in enclosed(stack, least_area, tolerance) if _is_surface(stack, region)]
+    islands = [one for one in found if not any(one is not other and (one & ~other).sum() == 0 for other in found)]
+    together = [np.any(islands, axis=0)] if len(islands) > 1 else []
+    return [floor & ~island for island in [*together, *islands]]
+
+
+def _is_surface(stack: Stack, region: NDArray[np.bool_]) -> bool:
+    """Whether views agree about most of a region's cells."""
+    shown = stack.shown[:, region]  # (V, F)
+    lid, seen = (shown == LID).sum(axis=0), (shown != UNSEEN).sum(axis=0)
+    return float(((seen > 0) & (lid >= _SURFACE_SHARE * seen)).mean()) >= _ISLAND_SHARE
 
 
 def _sharpen(outline: NDArray[np.bool_], share: Array, island: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -50,6 +50,15 @@ class Lattice:
         return cells, offset @ self.normal
 
 
+def carried(start: Lattice, outline: NDArray[np.bool_], lattice: Lattice) -> NDArray[np.bool_]:
+    """An outline on one lattice, carried along its normal to another one."""
+    cells = np.round(start.coordinates(lattice.centers().reshape(-1, 3))[0]).astype(int)
+    inside = ((cells >= 0) & (cells < outline.shape)).all(axis=1)
+    result = np.zeros(len(cells), bool)
+    result[inside] = outline[tuple(cells[inside].T)]
+    return result.reshape(lattice.shape)
+
+
 @dataclass(frozen=True)
 class Prism:
     """One concavity.

@@ -88,11 +88,14 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
 
 
 def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
-    """Normals of faces with another face at their back, each direction once."""
+    """Normals of faces with another face at their back, each direction once.
+
+    Faces that look at each other, as those of a bore that silhouettes leave angular, end no channel.
+    """
     found: list[Array] = []
     for region in regions:
-        opposite = any(region.normal @ other.normal < -_PARALLEL for other in regions)
-        if opposite and not any(abs(region.normal @ other) > _PARALLEL for other in found):
+        behind = any(region.normal @ o.normal < -_PARALLEL and region.offset > -o.offset for o in regions)
+        if behind and not any(abs(region.normal @ other) > _PARALLEL for other in found):
             found.append(region.normal)
     return found
 

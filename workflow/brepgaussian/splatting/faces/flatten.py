@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import candidates
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
+from brepgaussian.splatting.faces.holes import clear_holes
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
@@ -98,10 +100,10 @@ def _flatten(
     carved = _carve(hull, faces)
     after = carved.scene()
     kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
-    if all(old is new for old, new in zip(faces, kept, strict=True)):
-        return carved, faces
-    left = [f for f in kept if f is not None]
-    return _carve(hull, left), left
+    if any(old is not new for old, new in zip(faces, kept, strict=True)):
+        faces = [f for f in kept if f is not None]
+        carved = _carve(hull, faces)
+    return clear_holes(carved, faces, partial(_needed, views), _NEEDED_SHARE), faces
 
 
 def _same(face: Face, other: Face, spacing: float) -> bool:

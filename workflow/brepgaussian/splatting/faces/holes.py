@@ -1,0 +1,66 @@
+"""What a hull leaves standing over the holes of a planar face.
+
+The region of a face ends at its holes, so the cut down to its plane leaves columns over them. Silhouettes clear most
+of a hole through the part, but where a wall stands beside it, what is left hides a part of its rim from all views.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.faces.confirm import Face, over
+
+Array = NDArray[np.float64]
+Needed = Callable[[Array, Scene], NDArray[np.bool_]]
+
+_ABOVE_VOXELS = 1.5  # the plane, to stand over a hole
+_MOST_STANDING = 0.5  # of a hole; a boss stands on all of its own
+_LEAST_CELLS = 12  # of a hole, and of what stands over it
+_SLACK_VOXELS = 2.0  # higher than the highest bulge over the face
+
+logger = get_logger("stage1")
+
+
+def clear_holes(hull: Volume, faces: Sequence[Face], needed: Needed, most: float) -> Volume:
+    """The hull without what stands over a part of a face's hole only, unless silhouettes show it.
+
+    Args:
+        hull: cut down to the faces.
+        faces: confirmed ones.
+        needed: (N,) which of some points (N, 3) silhouettes show, although a scene without them hides them not.
+        most: share of needed points with which a column is left alone.
+    """
+    scene = hull.scene()
+    for face in faces:
+        for hole in _holes(face.outline):
+            standing = _standing(scene, face, hole, hull.spacing)
+            if not _LEAST_CELLS <= standing.sum() <= _MOST_STANDING * hole.sum():
+                continue
+            height = face.bulge + _SLACK_VOXELS * hull.spacing
+            within, heights = over(face.lattice, hole, scene.vertices)
+            samples = scene.vertices[within & (heights > _ABOVE_VOXELS * hull.spacing) & (heights < height)]
+            cleared = hull.without(Prism(face.lattice, hole, 0.0, False, 0.0), height)
+            after = cleared.scene()
+            if len(samples) and needed(samples, after).mean() <= most:
+                logger.info("over a hole in a planar face: %.0f %% of it cleared", 100 * standing.sum() / hole.sum())
+                hull, scene = cleared, after
+    return hull
+
+
+def _holes(outline: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """(R, C) the regions that an outline encloses."""
+    labels, count = ndimage.label(ndimage.binary_fill_holes(outline) & ~outline)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    return [labels == k for k in range(1, count + 1) if sizes[k] >= _LEAST_CELLS]
+
+
+def _standing(scene: Scene, face: Face, hole: NDArray[np.bool_], spacing: float) -> NDArray[np.bool_]:
+    """(C,) over which cells of a hole the hull reaches above the plane."""
+    above = face.lattice.centers()[hole] + _ABOVE_VOXELS * spacing * face.lattice.normal
+    return np.asarray(scene.signed_distance(above) < 0)
