@@ -84,6 +84,16 @@ def test_the_refined_surface_tells_what_rounded_points_do_not(block, taper, kind
         assert found[0].radius == pytest.approx(hole.surface.radius, abs=1e-3)
 
 
+@pytest.mark.parametrize(("off", "count", "proposed"), [(0.008, 40, True), (0.03, 40, False), (0.008, 400, False)])
+def test_only_a_tiny_patch_beside_others_may_be_a_rounded_inner_edge(block, off, count, proposed):
+    patches = patches_of(block)
+    large = max(range(len(patches)), key=lambda k: len(patches[k].xyz))
+    near, axis = patches[large].xyz[:count] + off * patches[large].surface.axis, np.array([0.6, 0.48, 0.64])
+    fringe = replace(patches[large], xyz=near, normals=np.tile(axis, (count, 1)), surface=plane(near.mean(0), axis))
+    patches.append(replace(fringe, primitive=90))
+    assert any(c.name == "without patch 90" for c in proposals(patches, SIGMA, 0)) == proposed
+
+
 def test_changes_of_one_patch_are_not_taken_together(block):
     job = make_job(_no_views(), block.points, block.primitives, BrepSettings())
     fringe = replace(job.patches[0], xyz=job.patches[0].xyz[:40], normals=job.patches[0].normals[:40], primitive=77)

@@ -1,9 +1,9 @@
-"""Which cones and spheres a part may have: slim cones show that they taper, narrow bands of spheres that they bend."""
+"""Which cones, spheres and tori a part may have: slim cones show that they taper, narrow bands that they bend."""
 
 import numpy as np
 import pytest
 from brepgaussian.geometry.fit import choose, plausible
-from brepgaussian.geometry.surfaces import cone, cylinder, sphere
+from brepgaussian.geometry.surfaces import cone, cylinder, sphere, torus
 
 
 def side(surface, length, rng, count=1500, bias=0.0):
@@ -40,3 +40,15 @@ def test_a_narrow_band_is_no_sphere_and_a_cap_is(radius, low, high, expected):
     out = np.column_stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)])
     tilted = out @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
     assert plausible(sphere(np.full(3, 0.2), radius), 0.2 + radius * tilted) == expected
+
+
+@pytest.mark.parametrize(
+    ("minor", "low", "high", "expected"), [(0.19, 80, 96, False), (0.02, 0, 90, True), (0.2, 0, 40, True)]
+)
+def test_a_narrow_ring_is_no_torus_and_a_fillet_is(minor, low, high, expected):
+    rng = np.random.default_rng(4)
+    profile, turn = np.radians(rng.uniform(low, high, 3000)), rng.uniform(0, 2 * np.pi, 3000)
+    radius = 0.2 + minor * np.cos(profile)
+    points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), minor * np.sin(profile)])
+    tilted = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    assert plausible(torus(np.full(3, 0.1), tilted[2], 0.2, minor), 0.1 + points @ tilted) == expected

@@ -35,6 +35,7 @@ FLAT_TURN = np.radians(6.0)
 BULGE_TURN = np.radians(10.0)
 BULGE_SHARE, BULGE_MOST = 0.03, 0.004  # rms height over the width, and unit frame
 LEAST_ARC = 0.003  # unit frame; height of an arc over its chord that the bulge of a cone's points does not make
+NARROW_RING = np.radians(30.0)  # of a torus' profile; fillets turn by more
 SLENDER, DISC = np.radians(2.0), np.radians(88.0)  # half angles: a slimmer cone must show that it tapers
 LEAST_TAPER = 0.01  # unit frame; change of radius that the errors of a bore's points (a voxel) do not make
 _TURN_QUANTILE = 0.95
@@ -176,7 +177,7 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
         return False
     if surface.kind == "torus":
         ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
-        return ring and surface.minor < 10 * extent
+        return ring and surface.minor < 10 * extent and not _is_flat_ring(surface, points)
     if surface.kind == "cone" and not _tapers(surface, points):
         return False
     if surface.kind == "sphere" and _is_band(surface, points):
@@ -195,6 +196,18 @@ def _is_band(sphere: Surface, points: Array) -> bool:
     arc = high - low
     cap = min(low, np.pi - high) < arc
     return bool(not cap and sphere.radius * arc**2 / 8 < LEAST_ARC)
+
+
+def _is_flat_ring(torus: Surface, points: Array) -> bool:
+    """Whether points are a ring of a torus that is too narrow to be told from a cone or a plane."""
+    offset = points - torus.origin
+    height = offset @ torus.axis
+    across = np.linalg.norm(offset - height[:, None] * torus.axis, axis=1)
+    angle = np.arctan2(height, across - torus.radius)
+    middle = np.arctan2(np.sin(angle).mean(), np.cos(angle).mean())
+    off = np.arctan2(np.sin(angle - middle), np.cos(angle - middle))
+    arc = float(np.ptp(np.quantile(off, [1 - _TURN_QUANTILE, _TURN_QUANTILE])))
+    return bool(arc < NARROW_RING and torus.minor * arc**2 / 8 < LEAST_ARC)
 
 
 def _tapers(cone: Surface, points: Array) -> bool:

@@ -1,0 +1,84 @@
+"""What stands where a hull is blind: beside walls over holes, inside pockets; on hulls and views made by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from brepgaussian.splatting.concave.openings import LID, WALL, Stack, beside_islands
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
+from brepgaussian.splatting.concave.sweep import _directions
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.faces.confirm import Face
+from brepgaussian.splatting.faces.holes import clear_holes
+
+SPACING, PITCH, LEVEL = 1 / 80, 1 / 160, 0.4
+MIDDLE, RADIUS = np.array([0.5, 0.5]), 0.12
+UP = np.array([0, 0, 1.0])
+
+
+def lattice(cells=128):
+    first, second = plane_axes(UP)
+    middle = np.append(MIDDLE, LEVEL)
+    return Lattice(middle - (first + second) * cells * PITCH / 2, first, second, UP, PITCH, (cells, cells))
+
+
+def face_with_hole():
+    on = lattice()
+    away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
+    return Face(on, away > RADIUS, 0.001, 0.1)
+
+
+def plate_with_column(reach):
+    """A plate with a hole, and over the hole a column, 0.1 high, where x is larger than `reach`."""
+    grid = np.stack(np.meshgrid(*[SPACING * np.arange(81)] * 3, indexing="ij"), axis=-1)
+    hole = RADIUS - np.linalg.norm(grid[..., :2] - MIDDLE, axis=-1)  # positive over it
+    plate = np.minimum(0.45 - np.abs(grid[..., :2] - 0.5).max(axis=-1), 0.15 - np.abs(grid[..., 2] - 0.25))
+    column = np.minimum.reduce([hole, grid[..., 0] - reach, 0.2 - np.abs(grid[..., 2] - 0.3)])
+    return Volume(np.maximum(np.minimum(plate, -hole), column).astype(np.float32), np.zeros(3), SPACING)
+
+
+@pytest.mark.parametrize(
+    ("reach", "needed", "cleared"),
+    [(0.54, False, True), (0.54, True, False), (0.3, False, False)],
+    ids=["a part of the hole", "silhouettes show it", "a boss"],
+)
+def test_what_stands_over_a_part_of_a_hole_goes(reach, needed, cleared):
+    hull = plate_with_column(reach)
+    left = clear_holes(hull, [face_with_hole()], lambda points, _: np.full(len(points), needed), 0.05)
+    column = np.array([[0.59, 0.5, 0.46]])
+    assert hull.scene().signed_distance(column)[0] < 0
+    assert (left.scene().signed_distance(column)[0] > 0) == cleared
+    beside = np.array([[0.8, 0.8, 0.38], [0.2, 0.5, 0.3]])  # the plate itself
+    assert (left.scene().signed_distance(beside) < 0).all()
+
+
+def floor_with(grey, agreed):
+    """A floor of grey 180 with a disc of another grey, about which views agree or not; (R, C) the disc."""
+    on = lattice(80)
+    disc = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1) < 0.1
+    shown = np.full((8, 80, 80), LID, np.uint8)
+    shown[:, disc] = LID if agreed else WALL
+    picture = np.where(disc, grey, 180.0).astype(np.float32)
+    stack = Stack(on, np.ones((80, 80), bool), shown, np.repeat(picture[None], 8, axis=0), np.zeros((80, 80)))
+    return stack, disc
+
+
+@pytest.mark.parametrize(("grey", "agreed", "found"), [(120.0, True, 1), (180.0, True, 0), (120.0, False, 0)])
+def test_a_boss_in_a_pocket_is_left_out_of_its_floor(grey, agreed, found):
+    stack, disc = floor_with(grey, agreed)
+    whole = np.zeros(disc.shape, bool)
+    whole[5:-5, 5:-5] = True
+    outlines = beside_islands(stack, whole, 50 * PITCH**2, 1.5)
+    assert len(outlines) == found
+    for outline in outlines:
+        wrong = (outline != (whole & ~disc)).sum()
+        assert wrong < 2.5 * np.sqrt(4 * np.pi * disc.sum())  # cells along the boss's rim, whose blur has two
+
+
+def test_channels_end_at_faces_that_look_away_from_each_other():
+    def facing(x, offset):
+        return SimpleNamespace(normal=np.array([x, 0, 0.0]), offset=offset)
+
+    outer, inner = [facing(1.0, 0.9), facing(-1.0, -0.1)], [facing(1.0, 0.3), facing(-1.0, -0.7)]
+    assert len(_directions(outer)) == 1  # they share it
+    assert _directions(inner) == []
