@@ -35,7 +35,7 @@ _TOUCH = 2.0  # of reach: patches this near to each other are neighbours
 _MOST_FITTED = 1500  # points of a patch that a proposal is fitted to
 _SMALL = 0.015  # of all points: larger patches are not left out
 _HALF = 0.5  # of a small patch's points that others must explain
-_TINY = 0.004  # of all points: so few may be all of a rounded-off inner edge,
+_TINY = 0.006  # of all points: so few may be all of a rounded-off inner edge,
 _ROUNDED = 0.012  # unit frame: which stands off the faces beside it by up to the width of its fringe
 
 
