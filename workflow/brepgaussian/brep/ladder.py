@@ -22,6 +22,7 @@ from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.brep.skins import skins
 from brepgaussian.brep.structure import Structure
+from brepgaussian.brep.tangents import tangent_walls
 from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import StageError
@@ -72,8 +73,9 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
 def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
     """Jobs of other explanations of the points: without skins, with smooth fillets, with straight profiles, afresh."""
     yield from bared(job)
-    smooth = rounded(job.patches, primitives.sigma)
-    if smooth is not None:
+    walls = tangent_walls(job.patches, primitives.sigma)
+    smooth = rounded(walls, primitives.sigma) or walls
+    if any(new is not old for new, old in zip(smooth, job.patches, strict=True)):
         yield replace(job, patches=tuple(smooth))
     straight = straightened(job.patches)
     if straight:
