@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave.openings import LID, WALL, Stack, beside_islands
+from brepgaussian.splatting.concave.openings import LID, WALL, Stack, beside_islands, enclosed
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.sweep import _directions
 from brepgaussian.splatting.concave.volume import Volume
@@ -68,7 +68,7 @@ def test_a_boss_in_a_pocket_is_left_out_of_its_floor(grey, agreed, found):
     stack, disc = floor_with(grey, agreed)
     whole = np.zeros(disc.shape, bool)
     whole[5:-5, 5:-5] = True
-    outlines = beside_islands(stack, whole, 50 * PITCH**2, 1.5)
+    outlines = beside_islands(stack, whole, enclosed(stack, 50 * PITCH**2, 1.5))
     assert len(outlines) == found
     for outline in outlines:
         wrong = (outline != (whole & ~disc)).sum()

@@ -111,14 +111,15 @@ def _concavities(
     """
     cameras = images.views.cameras
     least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
-    outlines = openings(stack, least) + enclosed(stack, least, images.tolerance)
+    regions = enclosed(stack, least, images.tolerance)
+    outlines = openings(stack, least) + regions
     if centered:
         middle = tuple(n // 2 for n in stack.lattice.shape)
         outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
     outlines = [outline for outline in outlines if is_framed(stack, outline)]
     if floor is not None:
         whole = carried(floor.lattice, floor.outline, stack.lattice)
-        outlines += beside_islands(stack, whole, least, images.tolerance)
+        outlines += beside_islands(stack, whole, regions)
     fits = []
     for outline in outlines:
         if outline.any():

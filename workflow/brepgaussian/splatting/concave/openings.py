@@ -1,5 +1,6 @@
 """Where views disagree with a lid: openings in a plane or a smooth face of the hull."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -164,25 +165,27 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
 
 
 def beside_islands(
-    stack: Stack, floor: NDArray[np.bool_], least_area: float, tolerance: float
+    stack: Stack, floor: NDArray[np.bool_], regions: Sequence[NDArray[np.bool_]]
 ) -> list[NDArray[np.bool_]]:
     """(R, C) outlines of a floor (R, C) without what stands in it: bosses that end below the pocket's rim.
+
+    Bosses are those of the `enclosed` regions (R, C) about which views agree.
 
     Rays that pass a boss's top tell no deeper floor, so the pocket was opened down to it. There the boss is enclosed
     by a step in grey, and views agree about it; about what lies beside it they may agree as well, if it has one grey.
     """
     floor = floor & stack.domain
-    found = [region for region in enclosed(stack, least_area, tolerance) if _is_surface(stack, region)]
+    found = [region for region in regions if float(_agreed(stack, region).mean()) >= _ISLAND_SHARE]
     islands = [one for one in found if not any(one is not other and (one & ~other).sum() == 0 for other in found)]
     together = [np.any(islands, axis=0)] if len(islands) > 1 else []
     return [floor & ~island for island in [*together, *islands]]
 
 
-def _is_surface(stack: Stack, region: NDArray[np.bool_]) -> bool:
-    """Whether views agree about most of a region's cells."""
+def _agreed(stack: Stack, region: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(F,) about which cells of a region (R, C) nearly all views agree."""
     shown = stack.shown[:, region]  # (V, F)
     lid, seen = (shown == LID).sum(axis=0), (shown != UNSEEN).sum(axis=0)
-    return float(((seen > 0) & (lid >= _SURFACE_SHARE * seen)).mean()) >= _ISLAND_SHARE
+    return np.asarray((seen > 0) & (lid >= _SURFACE_SHARE * seen))
 
 
 def _sharpen(outline: NDArray[np.bool_], share: Array, island: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -212,9 +215,7 @@ def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
     gap = int(_BORDER_CELLS)
     frame = ndimage.binary_dilation(outline, iterations=gap + _FRAME_CELLS)
     frame &= ~ndimage.binary_dilation(outline, iterations=gap)
-    shown = stack.shown[:, frame]  # (V, F)
-    lid, seen = (shown == LID).sum(axis=0), (shown != UNSEEN).sum(axis=0)
-    same = stack.domain[frame] & (seen > 0) & (lid >= _SURFACE_SHARE * seen)
+    same = stack.domain[frame] & _agreed(stack, frame)
     return bool(frame.any()) and float(same.mean()) >= _FRAME_SHARE
 
 

@@ -36,6 +36,8 @@ def clear_holes(hull: Volume, faces: Sequence[Face], needed: Needed, most: float
         needed: (N,) which of some points (N, 3) silhouettes show, although a scene without them hides them not.
         most: share of needed points with which a column is left alone.
     """
+    if not any(_holes(face.outline) for face in faces):
+        return hull
     scene = hull.scene()
     for face in faces:
         for hole in _holes(face.outline):
