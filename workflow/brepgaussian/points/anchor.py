@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 _NODE_SIGMA = 0.004  # unit frame; smooth error of surfels
 _NODES_WORTH = 30.0  # independent points that the nodes of a patch stand for, as their errors are correlated
 _CURVE_SIGMA = 0.0012  # unit frame; a third of a pixel at 800 px
+_SHARP_PX = 0.3  # by which views differ about an edge that is where the curve is: .2-.3; about others .5-1.5
 _CURVE_SHARE = 0.25  # of a curve's points that are independent
 _OUTLIER = 0.008  # unit frame; a curve point farther from the primitive hardly counts
 _ROUNDS = 3
@@ -34,16 +35,17 @@ def anchor_surfaces(surfaces: list[Surface], xyz: Array, labels: Index, curves: 
     result = []
     for k, surface in enumerate(surfaces):
         members = xyz[labels == k]
-        rims = [c.points for c in curves if k in c.pair]
-        if not len(members) or sum(map(len, rims)) < _LEAST_CURVE:
+        rims = [c for c in curves if k in c.pair]
+        if not len(members) or sum(len(c.points) for c in rims) < _LEAST_CURVE:
             result.append(surface)
             continue
-        rim = np.concatenate(rims)
-        points = np.concatenate([members, rim])
+        points = np.concatenate([members, *(c.points for c in rims)])
+        sigmas = _CURVE_SIGMA * np.maximum(1, (np.array([c.scatter for c in rims]) / _SHARP_PX) ** 2)
+        sigma = np.repeat(sigmas, [len(c.points) for c in rims])
         base = np.concatenate(
             [
                 np.full(len(members), min(_NODES_WORTH / len(members), 1.0) / _NODE_SIGMA**2),
-                np.full(len(rim), _CURVE_SHARE / _CURVE_SIGMA**2),
+                _CURVE_SHARE / sigma**2,
             ]
         )
         found = surface

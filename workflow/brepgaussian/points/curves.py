@@ -32,12 +32,14 @@ class Curve:
     Attributes:
         points: (S, 3) ordered; pair: its two patches; closed: whether it is a loop.
         shown: share of the views seeing it that show an edge there; NaN = not looked at.
+        scatter: by how much the views differ about where that edge is, px.
     """
 
     points: Array
     pair: tuple[int, int]
     closed: bool
     shown: float = np.nan
+    scatter: float = 0.0
 
 
 def find_curves(xyz: Array, labels: Index, surfaces: list[Surface], spacing: float, step: float) -> list[Curve]:

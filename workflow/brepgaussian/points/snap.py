@@ -1,6 +1,6 @@
 """Curves moved onto the edges that the images show: every view measures how far a curve lies beside its edge."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -30,6 +30,35 @@ _SHALLOW = np.cos(np.radians(30.0))  # below it an edge must be seen: true ones 
 _LEAST_SHOWN = 0.8
 
 
+@dataclass(frozen=True)
+class _Measured:
+    """What the views say about points of curves.
+
+    Attributes:
+        hessian, gradient: (N, 3, 3), (N, 3) normal equations of the shift of each point.
+        seen, found: (N,) how many views see it, and how many an edge beside it.
+        energy, weight: (N,) weighted squares of how far the edge lies beside it, px^2, and sum of the weights.
+    """
+
+    hessian: Array
+    gradient: Array
+    seen: Array
+    found: Array
+    energy: Array
+    weight: Array
+
+    @classmethod
+    def nothing(cls, count: int) -> "_Measured":
+        """No view sees any of them."""
+        counts = (np.zeros(count) for _ in range(4))
+        return cls(np.zeros((count, 3, 3)), np.zeros((count, 3)), *counts)
+
+    def left(self, shift: Array) -> Array:
+        """(N,) the energy that is left after a shift (N, 3)."""
+        bent = np.einsum("ni,nij,nj->n", shift, self.hessian, shift)
+        return np.asarray(np.maximum(self.energy - 2 * (self.gradient * shift).sum(axis=1) + bent, 0))
+
+
 def snap(
     curves: list[Curve],
     surfaces: list[Surface],
@@ -55,9 +84,9 @@ def snap(
     tangents = np.concatenate([_tangents(c) for c in curves])
     facing = [np.concatenate([surfaces[c.pair[k]].normals(c.points) for c in curves]) for k in (0, 1)]
     points = start.copy()
-    seen = found = np.zeros(len(points))
+    said, left = _Measured.nothing(len(points)), np.zeros(len(points))
     for window in _WINDOWS_PX[:_ROUNDS]:
-        hessian, gradient, seen, found = _measure(points, tangents, facing, cameras, edges, dense, spacing, window)
+        said = _measure(points, tangents, facing, cameras, edges, dense, spacing, window)
         # the prior pulls back to where the surfaces meet; nothing moves along the curve
         prior = np.eye(3) / _PRIOR**2
         along = tangents[:, :, None] * tangents[:, None, :] * 1e9
@@ -66,18 +95,27 @@ def snap(
         for curve, size in zip(curves, sizes, strict=True):
             part = slice(first, first + size)
             kernel = _kernel(curve)
-            h, g, n = (_blur(values[part], kernel, curve.closed) for values in (hessian, gradient, found))
+            h, g, n = (_blur(values[part], kernel, curve.closed) for values in (said.hessian, said.gradient, said.found))
             g = g + (start[part] - points[part]) @ prior
             move = np.linalg.solve(h + prior + along[part], g[..., None])[..., 0]
             move[n < _LEAST_VIEWS] = 0
             shift[part] = move
             first += size
+        left = said.left(shift)
         points = points + shift
         far = np.linalg.norm(points - start, axis=1)
         points = start + (points - start) * np.minimum(1, _MOST / np.maximum(far, 1e-12))[:, None]
     cuts = np.cumsum(sizes)[:-1]
-    parts = zip(curves, np.split(points, cuts), np.split(seen, cuts), np.split(found, cuts), strict=True)
-    return [replace(c, points=p, shown=float(f.sum() / s.sum()) if s.any() else np.nan) for c, p, s, f in parts]
+    parts = (np.split(values, cuts) for values in (points, said.seen, said.found, left, said.weight))
+    return [
+        replace(
+            curve,
+            points=moved,
+            shown=float(found.sum() / seen.sum()) if seen.any() else np.nan,
+            scatter=float(np.sqrt(energy.sum() / weight.sum())) if weight.any() else 0.0,
+        )
+        for curve, moved, seen, found, energy, weight in zip(curves, *parts, strict=True)
+    ]
 
 
 def believed(curves: list[Curve], surfaces: list[Surface]) -> list[Curve]:
@@ -119,10 +157,9 @@ def _blur(values: Array, kernel: Array, closed: bool) -> Array:
 def _measure(
     points: Array, tangents: Array, facing: list[Array], cameras: Cameras, edges: NDArray[np.uint8], dense: Array,
     spacing: float, window: float,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """Normal equations (N, 3, 3), (N, 3) of the shift of each point, how many views see it, and how many an edge."""
-    hessian, gradient = np.zeros((len(points), 3, 3)), np.zeros_like(points)
-    seen, found = np.zeros(len(points)), np.zeros(len(points))
+) -> _Measured:  # fmt: skip
+    """What all views say about points of curves, N in all."""
+    said = _Measured.nothing(len(points))
     offsets = np.arange(-window - _PEAK_PX, window + _PEAK_PX + 1e-9, _SAMPLE_PX)
     for view, center in enumerate(cameras.centers):
         sight = center - points
@@ -146,11 +183,13 @@ def _measure(
         delta, strength = _peaks(level, offsets, window)
         weight = np.where(strength > 0, strength / _MEASURE_PX**2, 0) / (1 + (delta / _OUTLIER_PX) ** 2)
         row = np.einsum("ni,nij->nj", across, jacobian)
-        hessian[index] += weight[:, None, None] * row[:, :, None] * row[:, None, :]
-        gradient[index] += (weight * delta)[:, None] * row
-        seen[index] += 1
-        found[index] += strength > 0
-    return hessian, gradient, seen, found
+        said.hessian[index] += weight[:, None, None] * row[:, :, None] * row[:, None, :]
+        said.gradient[index] += (weight * delta)[:, None] * row
+        said.seen[index] += 1
+        said.found[index] += strength > 0
+        said.energy[index] += weight * delta**2
+        said.weight[index] += weight
+    return said
 
 
 def _jacobian(cameras: Cameras, view: int, points: Array) -> tuple[Array, Array]:

@@ -107,7 +107,7 @@ def carve(
         if concavities:
             volume, prisms = open_channels(images, volume)
         if patches is not None:
-            volume, faces = flatten_faces(images, patches, volume, _sample, faces)
+            volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
             volume, more = open_concavities(images, volume)

@@ -1,6 +1,7 @@
 """Open the concavities of a hull's field, level by level (a counterbore's bore lies under its first floor)."""
 
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
+from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.shorten import shortened
@@ -36,13 +37,16 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
     known: list[Prism] = []
     scene = hull.scene()
     for _ in range(_LEVELS):
-        found = find_prisms(images, scene, hull.spacing, known)
+        found = told_once(find_prisms(images, scene, hull.spacing, known), known, 2 * hull.spacing)
         if not found:
             break
-        for prism in sorted(found, key=lambda p: p.through):  # what is blind may be what a hole leads to
+        # the far end of a hole may be the floor of what was found before
+        before, known = known, joined([*known, *found], 2 * hull.spacing)
+        fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
+        for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             margin = _MARGIN_CELLS * hull.spacing
-            known.append(shortened(images, hull, prism, margin))
-            hull = hull.without(known[-1], margin)
+            known[k] = shortened(images, hull, known[k], margin)
+            hull = hull.without(known[k], margin)
         scene = hull.scene()
     for prism in find_curved(images, scene, hull.spacing, known):
         hull = hull.without(prism, _MARGIN_CELLS * hull.spacing)

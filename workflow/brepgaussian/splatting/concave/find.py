@@ -9,7 +9,6 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
-from brepgaussian.splatting.concave.join import joined
 from brepgaussian.splatting.concave.mouths import completed
 from brepgaussian.splatting.concave.openings import (
     Images,
@@ -66,7 +65,7 @@ def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism
     def again(lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
         return measure(rectify(images, scene, lattice), outline, images.views.cameras.centers, scene, images.tolerance)
 
-    return joined([prism for prism, _ in completed(found, again)], 2 * cell)
+    return [prism for prism, _ in completed(found, again)]
 
 
 def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:

@@ -16,13 +16,15 @@ Array = NDArray[np.float64]
 
 _OPPOSITE = 0.999  # cosine of 2.5 degrees
 _SAME_AREA = 1.5  # ratio of two outlines of one hole
+_LEANING = 0.9  # cosine of 26 degrees
+_SAME_MOUTH = 0.8  # of a mouth lies in the other hole
 
 
 def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
     """The same concavities, but two that face each other are one hole.
 
-    If both are blind, but tell no floor, it goes through. If both go through and their widths differ, the narrower is
-    the hole: the other's outline is that of its chamfer.
+    If both are blind, but tell no floor, it goes through. If both go through, it reaches from one to the other, and if
+    their widths differ, the narrower is the hole: the other's outline is that of its chamfer.
 
     Args:
         prisms: concavities of one hull.
@@ -39,10 +41,37 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
                 left[narrow] = replace(left[narrow], depth=distance, through=True)
                 left[wide] = replace(left[wide], depth=min(left[wide].depth, distance))
             elif left[i].through and left[j].through:
+                if left[narrow].depth < distance:
+                    left[narrow] = replace(left[narrow], depth=distance)
                 wider = _throat(left[wide]) - _throat(left[narrow])
                 if wider > tolerance:
                     left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
     return left
+
+
+def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) -> list[Prism]:
+    """Those found that are no worse told end of a hole through that is known or found: a crooked hull shows them askew.
+
+    Args:
+        found, known: concavities of one hull.
+        tolerance: how far beyond its end a hole may meet another one's mouth.
+    """
+    kept: list[int] = []
+    for k in sorted(range(len(found)), key=lambda k: found[k].error):
+        others = [*known, *(found[other] for other in kept)]
+        if not any(_is_mouth_of(found[k], other, tolerance) for other in others):
+            kept.append(k)
+    return [found[k] for k in sorted(kept)]
+
+
+def _is_mouth_of(mouth: Prism, hole: Prism, tolerance: float) -> bool:
+    """Whether a hole's mouth is the far end of another hole that is known better, seen from a plane that leans."""
+    if not (mouth.through and hole.through) or mouth.lattice.normal @ hole.lattice.normal < -_OPPOSITE:
+        return False
+    if mouth.lattice.normal @ hole.lattice.normal > -_LEANING:
+        return False
+    inside = hole.signed_distance(mouth.lattice.centers()[mouth.outline], tolerance) < tolerance
+    return bool(inside.mean() > _SAME_MOUTH)
 
 
 def _face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:

@@ -15,7 +15,7 @@ from brepgaussian.splatting.concave.rays import crossings_of
 from brepgaussian.splatting.concave.volume import Volume
 
 _THROUGH = 0.9  # of the opening has left the first wall where a hole through it ends
-_LEAST_BEHIND = 0.1  # of the opening has another wall behind
+_LEAST_BEHIND = 0.1  # of the opening has another wall behind, or none
 _ROOM_VOXELS = 3.0  # between two walls, and thickness of the second
 _GAIN = 0.8  # the hole in the wall behind leaves at most this share of the disagreement
 
@@ -31,31 +31,35 @@ def shortened(images: Images, hull: Volume, prism: Prism, margin: float) -> Pris
         prism: a concavity; what does not go through stays as it is.
         margin: by which it is cut longer.
     """
-    end = _first_end(hull, prism) if prism.through else None
+    end, pierced = _first_end(hull, prism) if prism.through else (None, False)
     if end is None:
         return prism
     short = replace(prism, depth=end)
     first, both = hull.without(short, margin), hull.without(prism, margin)
     old, new, count = disagreements(images, first.scene(), both.scene(), 2 * hull.spacing)
-    on = count > 0 and new <= _GAIN * old
+    on = new <= _GAIN * old if count else pierced
     logger.info(
-        "hole through the first wall only (%.4f): views disagree by %.2f, by %.2f if it goes on, %d rays%s",
-        end, old, new, count, ": it does" if on else "",
+        "hole through the first wall only (%.4f): views disagree by %.2f, by %.2f if it goes on, %d rays%s%s",
+        end, old, new, count, ", open in a part of the hull" if pierced else "", ": it does" if on else "",
     )  # fmt: skip
     return prism if on else short
 
 
-def _first_end(hull: Volume, prism: Prism) -> float | None:
-    """Depth at which a hole has left the first wall, if there is room and another wall behind it."""
+def _first_end(hull: Volume, prism: Prism) -> tuple[float | None, bool]:
+    """Depth at which a hole has left the first wall, if there is room and another wall behind it; None = neither.
+
+    And whether the hull is open behind as well, if only in a part of the outline: silhouettes show that.
+    """
     lattice, room = prism.lattice, _ROOM_VOXELS * hull.spacing
     cells = lattice.centers()[prism.outline]
     ray = -lattice.normal + prism.tilt[0] * lattice.first + prism.tilt[1] * lattice.second
     crossings, inside = crossings_of(hull.scene(), cells, np.broadcast_to(ray, cells.shape), lattice.pitch)
     if crossings.shape[1] < 3:
-        return None
+        return None, False
     out, again, back = (crossings[:, k] * lattice.pitch for k in range(3))
     with np.errstate(invalid="ignore"):
         behind = inside & np.isfinite(back) & (again - out > room) & (np.minimum(back, prism.depth) - again > room)
     if behind.mean() < _LEAST_BEHIND:
-        return None
-    return float(np.quantile(out[behind], _THROUGH)) + lattice.pitch
+        return None, False
+    pierced = np.isinf(np.where(inside, again, crossings[:, 0])).mean() >= _LEAST_BEHIND
+    return float(np.quantile(out[behind], _THROUGH)) + lattice.pitch, bool(pierced)

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import disagreements
-from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.contours import Chords, chords_in, contour_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
@@ -23,27 +23,31 @@ from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
+Field = NDArray[np.float32]
 
 _PARALLEL = 0.998  # cosine of 3.6 degrees
 _LEAST_AREA = 0.01  # of a face that ends a channel
 _END_VOXELS = 3.0  # at a channel's ends the hull is rounded
+_RIM_VOXELS = 1.0  # the same at an end that shows the section: past it the hull rises as steeply as cameras look down
+_AT_END_VOXELS = 6  # there a channel shows its section; what crosses it in the middle is none of it
 _LEAST_CELLS = 12  # of a section's region that changes
 _FINER = 2  # cells of a section for each voxel
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 _MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
-_LEAST_RAYS = 200
+_LEAST_RAYS = 60  # no cut that left the silhouettes filled took any solid away on 20 parts: little is asked of rays
 _MOST_CUTS = 4  # channels of one part
-_MOST_TRIED = 6  # hypotheses for the next one, largest first
+_MOST_CHECKED = 12  # hypotheses of one direction, largest first
+_MOST_TRIED = 6  # of all directions, for the next cut, largest first
 
 logger = log.get_logger("stage1")
 
 
 @dataclass(frozen=True)
 class _Cut:
-    """Columns to empty: a prism whose lateral outline is `prism.outline`, without margins; `volume` in voxels."""
+    """Columns to empty: prisms of one direction whose outlines are lateral, without margins; `volume` in voxels."""
 
-    prism: Prism
+    prisms: tuple[Prism, ...]
     volume: float
 
 
@@ -63,24 +67,24 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         mesh = hull.mesh()
         scene = Scene(*mesh)
         chords = chords_in(scene, *rays)
-        samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= _LEAST_AREA]
-        cuts = [c for normal in _directions(regions) for c in _cuts(hull, normal, regions)]
+        cuts = [c for normal in _directions(regions) for c in _possible(chords, _cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(cuts, key=lambda c: -c.volume)[:_MOST_TRIED]:
-            if lost_share(chords, cut.prism.signed_distance(samples, 0.0) < 0) > _MOST_LOST:
-                continue
-            opened = hull.without(cut.prism, 0.0)
+            opened = hull
+            for prism in cut.prisms:
+                opened = opened.without(prism, 0.0)
             old, new, count = disagreements(images, scene, opened.scene(), 2 * hull.spacing)
             good = count >= _LEAST_RAYS and new <= _GAIN * old
             logger.info(
-                "channel along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
-                np.round(cut.prism.lattice.normal, 2).tolist(), cut.volume, new, old, count,
+                "%s along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
+                "channel" if len(cut.prisms) == 1 else f"{len(cut.prisms)} channels",
+                np.round(cut.prisms[0].lattice.normal, 2).tolist(), cut.volume, new, old, count,
                 "" if good else ": not believed",
             )  # fmt: skip
             if good:
                 hull = opened
-                done.append(cut.prism)
+                done += cut.prisms
                 break
         else:
             break
@@ -100,6 +104,16 @@ def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
     return found
 
 
+def _possible(chords: Chords, cuts: list[_Cut]) -> list[_Cut]:
+    """Those cuts that leave the silhouettes filled; if there are several, all of them at once as well."""
+    samples = chords.samples()
+    largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
+    kept = [c for c in largest if lost_share(chords, c.prisms[0].signed_distance(samples, 0.0) < 0) <= _MOST_LOST]
+    if len(kept) > 1:
+        kept.append(_Cut(tuple(c.prisms[0] for c in kept), sum(c.volume for c in kept)))
+    return kept
+
+
 def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
     """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
     field, origin, spacing = hull.field, hull.origin, hull.spacing
@@ -114,27 +128,39 @@ def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[
         index = ((base + height * normal - origin) / spacing).reshape(-1, 3).T
         columns[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(u), len(v))
     found = []
-    steps = _steps(normal, regions, spacing)
-    for bottom, top in pairwise(steps):
-        inner = (w > bottom + _END_VOXELS * spacing) & (w < top - _END_VOXELS * spacing)
-        if not inner.any():
+    for bottom, top in pairwise(_steps(normal, regions, spacing)):
+        inner = columns[(w > bottom + _END_VOXELS * spacing) & (w < top - _END_VOXELS * spacing)]
+        if not len(inner):
             continue
-        least, most = columns[inner].min(axis=0), columns[inner].max(axis=0)
-        volume = (columns[inner] > 0).sum(axis=0)
-        labels, count = ndimage.label((least < 0) & (most > 0))
-        empty = most <= 0
-        for k in range(1, count + 1):
-            member = labels == k
-            if member.sum() < _LEAST_CELLS or volume[member].sum() < _LEAST_VOLUME_VOXELS:
-                continue
-            section = member | (ndimage.binary_dilation(member, iterations=2) & empty)
-            fine = ndimage.zoom(np.where(section | (least >= 0), least, spacing), _FINER, order=1, grid_mode=True,
-                                mode="nearest")  # fmt: skip
-            start = (u[0] - spacing / 2) * first + (v[0] - spacing / 2) * second + top * normal
-            lattice = Lattice(start, first, second, normal, spacing / _FINER, fine.shape)
-            near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
-            prism = Prism(lattice, (fine < 0) & near, top - bottom, False, 0.0)
-            found.append(_Cut(prism, float(volume[member].sum())))
+        start = (u[0] - spacing / 2) * first + (v[0] - spacing / 2) * second + top * normal
+        lattice = Lattice(start, first, second, normal, spacing / _FINER, (_FINER * len(u), _FINER * len(v)))
+        outer = columns[(w > bottom + _RIM_VOXELS * spacing) & (w < top - _RIM_VOXELS * spacing)]
+        at_ends = np.maximum(outer[:_AT_END_VOXELS].min(axis=0), outer[-_AT_END_VOXELS:].min(axis=0))
+        for least in (inner.min(axis=0), at_ends):
+            for outline, volume in _sections(least, inner, spacing):
+                found.append(_Cut((Prism(lattice, outline, top - bottom, False, 0.0),), volume))
+    return found
+
+
+def _sections(least: Field, columns: Field, spacing: float) -> list[tuple[NDArray[np.bool_], float]]:
+    """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, and their volumes in voxels.
+
+    Args:
+        least: (R, C) negative where a column counts as empty.
+    """
+    volume = (columns > 0).sum(axis=0)
+    most = columns.max(axis=0)
+    labels, count = ndimage.label((least < 0) & (most > 0))
+    found = []
+    for k in range(1, count + 1):
+        member = labels == k
+        if member.sum() < _LEAST_CELLS or volume[member].sum() < _LEAST_VOLUME_VOXELS:
+            continue
+        section = member | (ndimage.binary_dilation(member, iterations=2) & (most <= 0))
+        fine = ndimage.zoom(np.where(section | (least >= 0), least, spacing), _FINER, order=1, grid_mode=True,
+                            mode="nearest")  # fmt: skip
+        near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
+        found.append(((fine < 0) & near, float(volume[member].sum())))
     return found
 
 

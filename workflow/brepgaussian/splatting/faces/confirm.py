@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
@@ -95,7 +96,7 @@ def confirm(
         hidden = _outline(lattice, depth, believed) & ~outline
         even, crowded = evenness(images, lattice, hidden, chosen, believed & (depth > _BLUR_PX))
         if even >= _EVEN_SHARE:
-            outline |= hidden & ~crowded
+            outline = ndimage.binary_propagation(outline, mask=outline | hidden & ~crowded)
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
 
 

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
@@ -33,7 +34,10 @@ _STANDING_CELLS = 2  # around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
 _LARGER = 1.1  # than before, for a face to be cut again
-_BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: the tighter hull is looked at again
+_BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: views judge it, and the tighter hull is looked at again
+_GAIN = 0.75  # of the views' disagreement is left at most without a bulge: .2-.5 measured, .9-3.2 where walls went too
+_LEAST_RAYS = 100  # that tell, for them to judge
+_REACH_VOXELS = 2.0  # rays on which a bulge changes less than this don't judge it
 
 logger = get_logger("stage1")
 
@@ -44,6 +48,7 @@ def flatten_faces(
     hull: Volume,
     sampler: Sampler,
     known: Sequence[Face] | None = None,
+    opened: bool = False,
 ) -> tuple[Volume, list[Face]]:
     """Find the planar faces and carve the hull down to them.
 
@@ -56,14 +61,16 @@ def flatten_faces(
         sampler: spreads points (N, 3) with normals (N, 3) evenly over a mesh.
         known: the faces that were found before, to look again in a hull that is tighter now: behind a high bulge are
             others. None = look for the first time.
+        opened: whether the hull has been opened since then.
 
     Returns:
         The carved hull and the faces, those that were found last first, best confirmed first among them.
     """
     faces = found = list(known or [])
     for _ in range(1 if known is None else _ROUNDS):
-        if known is not None and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * hull.spacing:
+        if known is not None and not opened and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * hull.spacing:
             break
+        opened = False
         hull, found = _flatten(images, patches, hull, sampler, faces)
         for face in found:
             logger.info(
@@ -97,6 +104,7 @@ def _flatten(
             continue
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
+    faces = [f for f in faces if _agreeable(images, f, hull, scene)]
     carved = _carve(hull, faces)
     after = carved.scene()
     kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
@@ -112,6 +120,20 @@ def _same(face: Face, other: Face, spacing: float) -> bool:
         return False
     within, heights = over(other.lattice, other.outline, face.lattice.centers()[face.outline])
     return bool((within & (np.abs(heights) < spacing)).mean() > 0.5)
+
+
+def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
+    """Whether views agree better once a bulge is gone, as far as they tell: else it is none, or more went with it.
+
+    The outline of a face that was seen through a bore, or with a wall beside it, takes walls away.
+    """
+    if face.bulge < _BLIND_CELLS * hull.spacing:
+        return True
+    old, new, count = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
+    agreeable = count < _LEAST_RAYS or new <= _GAIN * old
+    if not agreeable:
+        logger.info("bulge %.4f: views disagree by %.2f for %.2f of the hull, %d rays: kept", face.bulge, new, old, count)
+    return agreeable
 
 
 def _carve(hull: Volume, faces: list[Face]) -> Volume:
