@@ -68,9 +68,14 @@ class Trials:
 
     @staticmethod
     def _groups(changes: list[Change]) -> list[list[Change]]:
-        """All together first, then one by one."""
+        """All together first, then the simpler kinds, then one by one.
+
+        Walls and floor of a narrow groove that points bend are right as planes only together.
+        """
         together = compatible(changes)
-        return ([together] if len(together) > 1 else []) + [[c] for c in changes]
+        kinds = [c for c in together if len(c.gone) == len(c.new) == 1]
+        groups = [together, kinds] if len(kinds) < len(together) else [together]
+        return [group for group in groups if len(group) > 1] + [[c] for c in changes]
 
     def _tried(self, changes: list[Change], simpler: bool = True) -> bool:
         """Whether changes were taken; what was refused alone is not tried again."""

@@ -26,7 +26,7 @@ from brepgaussian.points.superpoints import contract
 Array = NDArray[np.float64]
 log = get_logger("points")
 
-NOISE_FLOOR = Noise(0.002, np.radians(3.0))  # smooth errors that the scatter about a primitive does not show
+NOISE_FLOOR = Noise(0.0015, np.radians(2.5))  # smooth errors that the scatter about a primitive does not show
 NOISE_CEILING = Noise(0.006, np.radians(8.0))
 _PAIR_TO_SURFACE = 2.0  # smooth errors: a patch deviates by more than neighbours differ
 _TURN = np.radians(9.0)  # a turn between neighbours that speaks neither for nor against one patch

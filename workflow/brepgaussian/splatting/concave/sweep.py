@@ -29,13 +29,16 @@ _PARALLEL = 0.998  # cosine of 3.6 degrees
 _LEAST_AREA = 0.01  # of a face that ends a channel
 _END_VOXELS = 3.0  # at a channel's ends the hull is rounded
 _RIM_VOXELS = 1.0  # the same at an end that shows the section: past it the hull rises as steeply as cameras look down
+_BESIDE_VOXELS = 3  # so far from what is surely empty a section is as wide as its rim shows it
 _AT_END_VOXELS = 6  # there a channel shows its section; what crosses it in the middle is none of it
 _LEAST_CELLS = 12  # of a section's region that changes
 _FINER = 2  # cells of a section for each voxel
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
+_LEAST_PART_VOXELS = 60  # of one of several channels
 _MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
-_LEAST_RAYS = 60  # no cut that left the silhouettes filled took any solid away on 20 parts: little is asked of rays
+_LEAST_RAYS = 100
+_LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
 _MOST_CUTS = 4  # channels of one part
 _MOST_CHECKED = 12  # hypotheses of one direction, largest first
 _MOST_TRIED = 6  # of all directions, for the next cut, largest first
@@ -45,10 +48,17 @@ logger = log.get_logger("stage1")
 
 @dataclass(frozen=True)
 class _Cut:
-    """Columns to empty: prisms of one direction whose outlines are lateral, without margins; `volume` in voxels."""
+    """Columns to empty.
+
+    Attributes:
+        prisms: of one direction; their outlines are lateral, without margins.
+        volume: in voxels.
+        at_ends: whether both ends of each column are empty; else it is empty somewhere.
+    """
 
     prisms: tuple[Prism, ...]
     volume: float
+    at_ends: bool
 
 
 def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
@@ -75,7 +85,7 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
             for prism in cut.prisms:
                 opened = opened.without(prism, 0.0)
             old, new, count = disagreements(images, scene, opened.scene(), 2 * hull.spacing)
-            good = count >= _LEAST_RAYS and new <= _GAIN * old
+            good = count >= (_LEAST_RAYS_AT_ENDS if cut.at_ends else _LEAST_RAYS) and new <= _GAIN * old
             logger.info(
                 "%s along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
                 "channel" if len(cut.prisms) == 1 else f"{len(cut.prisms)} channels",
@@ -105,13 +115,15 @@ def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
 
 
 def _possible(chords: Chords, cuts: list[_Cut]) -> list[_Cut]:
-    """Those cuts that leave the silhouettes filled; if there are several, all of them at once as well."""
+    """Those cuts that leave the silhouettes filled; if there are several of one sort, all of them at once as well."""
     samples = chords.samples()
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
     kept = [c for c in largest if lost_share(chords, c.prisms[0].signed_distance(samples, 0.0) < 0) <= _MOST_LOST]
-    if len(kept) > 1:
-        kept.append(_Cut(tuple(c.prisms[0] for c in kept), sum(c.volume for c in kept)))
-    return kept
+    for at_ends in (False, True):
+        alike = [c for c in kept if c.at_ends == at_ends and len(c.prisms) == 1]
+        if len(alike) > 1:
+            kept.append(_Cut(tuple(c.prisms[0] for c in alike), sum(c.volume for c in alike), at_ends))
+    return [c for c in kept if c.volume >= _LEAST_VOLUME_VOXELS]
 
 
 def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
@@ -135,18 +147,25 @@ def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[
         start = (u[0] - spacing / 2) * first + (v[0] - spacing / 2) * second + top * normal
         lattice = Lattice(start, first, second, normal, spacing / _FINER, (_FINER * len(u), _FINER * len(v)))
         outer = columns[(w > bottom + _RIM_VOXELS * spacing) & (w < top - _RIM_VOXELS * spacing)]
-        at_ends = np.maximum(outer[:_AT_END_VOXELS].min(axis=0), outer[-_AT_END_VOXELS:].min(axis=0))
-        for least in (inner.min(axis=0), at_ends):
-            for outline, volume in _sections(least, inner, spacing):
-                found.append(_Cut((Prism(lattice, outline, top - bottom, False, 0.0),), volume))
+        anywhere = inner.min(axis=0)
+        for least, widest, open_ended in ((anywhere, anywhere, False), (_at_ends(inner), _at_ends(outer), True)):
+            for outline, volume in _sections(least, widest, inner, spacing):
+                found.append(_Cut((Prism(lattice, outline, top - bottom, False, 0.0),), volume, open_ended))
     return found
 
 
-def _sections(least: Field, columns: Field, spacing: float) -> list[tuple[NDArray[np.bool_], float]]:
+def _at_ends(columns: Field) -> Field:
+    """(R, C) negative where columns (K, R, C) are empty at both ends."""
+    return np.maximum(columns[:_AT_END_VOXELS].min(axis=0), columns[-_AT_END_VOXELS:].min(axis=0))
+
+
+def _sections(
+    least: Field, widest: Field, columns: Field, spacing: float
+) -> list[tuple[NDArray[np.bool_], float]]:
     """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, and their volumes in voxels.
 
     Args:
-        least: (R, C) negative where a column counts as empty.
+        least: (R, C) negative where a column counts as empty; widest: the same, for those beside such a region.
     """
     volume = (columns > 0).sum(axis=0)
     most = columns.max(axis=0)
@@ -154,10 +173,11 @@ def _sections(least: Field, columns: Field, spacing: float) -> list[tuple[NDArra
     found = []
     for k in range(1, count + 1):
         member = labels == k
-        if member.sum() < _LEAST_CELLS or volume[member].sum() < _LEAST_VOLUME_VOXELS:
+        if member.sum() < _LEAST_CELLS or volume[member].sum() < _LEAST_PART_VOXELS:
             continue
-        section = member | (ndimage.binary_dilation(member, iterations=2) & (most <= 0))
-        fine = ndimage.zoom(np.where(section | (least >= 0), least, spacing), _FINER, order=1, grid_mode=True,
+        beside = ndimage.binary_dilation(member, iterations=_BESIDE_VOXELS)
+        section = member | beside & (widest < 0) & ((most <= 0) | (labels == 0))
+        fine = ndimage.zoom(np.where(section | (widest >= 0), widest, spacing), _FINER, order=1, grid_mode=True,
                             mode="nearest")  # fmt: skip
         near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
         found.append(((fine < 0) & near, float(volume[member].sum())))
