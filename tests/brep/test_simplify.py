@@ -11,7 +11,8 @@ from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Rung
 from brepgaussian.brep.ladder import make_job
 from brepgaussian.brep.patches import make_patches
-from brepgaussian.brep.simplify import applied, compatible, complexity, proposals
+from brepgaussian.brep.simplify import Change, applied, compatible, complexity, proposals
+from brepgaussian.brep.trials import Trials
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.surfaces import cone, plane, torus
 from brepgaussian.settings.brep import BrepSettings
@@ -134,3 +135,11 @@ def test_complexity_counts_faces_first(block):
     assert complexity(surfaces, range(7)) == (7, 1)
     assert complexity(surfaces, [0, 1, 6, 6]) == (4, 1)
     assert complexity(surfaces, [0, -1]) == (2, 0)
+
+
+def test_simpler_kinds_are_tried_together():
+    floor, wall, fringe = Change("floor", (0,), ("plane",)), Change("wall", (1,), ("plane",)), Change("less", (2,), ())
+    groups = [[c.name for c in group] for group in Trials._groups([floor, wall, fringe])]
+    assert groups == [["floor", "wall", "less"], ["floor", "wall"], ["floor"], ["wall"], ["less"]]
+    assert [len(group) for group in Trials._groups([floor, wall])] == [2, 1, 1]
+    assert [len(group) for group in Trials._groups([floor, fringe])] == [2, 1, 1]

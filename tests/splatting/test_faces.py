@@ -13,6 +13,7 @@ from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import flatten
 from brepgaussian.splatting.faces.align import Stack, align
 from brepgaussian.splatting.faces.candidates import Candidate
@@ -139,6 +140,24 @@ def test_a_face_runs_on_where_the_hull_hides_it_if_views_look_alike(alike):
     assert share > 0.95 if alike else share < 0.3
 
 
+def test_what_is_hidden_belongs_to_a_face_only_if_it_touches_it():
+    rng = np.random.default_rng(6)
+    cameras = ring_of_cameras()
+    apart = SQUARE * [0.5, 1, 1] + [0.6, 0, 0]  # x from .75 to .95
+    masks = np.maximum(masks_of(cameras, SQUARE), masks_of(cameras, apart))
+    fill = trimesh.creation.box(bounds=[[0.72, 0.1, 0.505], [1.0, 0.9, 0.75]])
+    points = rng.uniform([0.3, 0.3, 0.5], [0.95, 0.7, 0.500001], (500, 3))
+    regions = dict.fromkeys(range(len(cameras)), 1)
+    candidate = Candidate(points, np.tile([0, 0, 1.0], (500, 1)), regions)
+    images = Images(SimpleNamespace(cameras=cameras), np.full(masks.shape, 120, np.float32), 1.5)
+    scene, stack = Scene(fill.vertices, fill.faces), Stack(cameras, masks, candidate)
+    aligned = align(stack, candidate, scene)
+    assert aligned is not None
+    face = confirm(images, stack, candidate, aligned, scene)
+    assert face is not None
+    assert face.lattice.centers()[face.outline][:, 0].max() < 0.75
+
+
 @pytest.fixture(scope="module")
 def bracket(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bracket")
@@ -230,3 +249,21 @@ def test_silhouettes_tell_a_bulge_from_a_rib():
     assert flatten._allowed(views, face, samples, 0.02, scene) is face
     without = Scene(base.vertices, base.faces)
     assert flatten._allowed(views, Face(lattice, all_over, 0.0, 0.2), samples, 0.02, without) is None
+
+
+@pytest.mark.parametrize(
+    ("bulge", "said", "kept"),
+    [
+        (0.2, (0.4, 1.2, 500), False),  # walls went with it
+        (0.2, (1.0, 0.4, 500), True),
+        (0.2, (0.4, 1.2, 20), True),  # hardly a ray tells
+        (0.01, (0.4, 1.2, 500), True),  # too low to be judged
+    ],
+)
+def test_views_judge_high_bulges(monkeypatch, bulge, said, kept):
+    monkeypatch.setattr(flatten, "disagreements", lambda *_: said)
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 51)] * 3, indexing="ij"), axis=-1)
+    hull = Volume((0.3 - np.abs(grid - 0.5).max(axis=-1)).astype(np.float32), np.zeros(3), 0.02)
+    lattice = Lattice(np.array([0.3, 0.3, 0.6]), *np.eye(3), 0.02, (20, 20))
+    face = Face(lattice, np.ones((20, 20), bool), 0.001, bulge)
+    assert flatten._agreeable(None, face, hull, hull.scene()) == kept

@@ -195,10 +195,29 @@ def test_a_coupling_hub_has_the_volume_of_the_formula():
     assert build_part("coupling_hub").volume == pytest.approx(body - key - slot - screw - holes, rel=1e-5)  # of splines
 
 
+def test_volumes_of_parts_made_for_scoring():
+    wheel = math.pi * (32**2 * 14 - 25**2 * 8 + 12**2 * 16 - 6.5**2 * 22 - 5 * 3.2**2 * 6)
+    key = 22 * over(lambda y: 9 - math.sqrt(6.5**2 - y * y), 2)
+    assert build_part("gear_blank").volume == pytest.approx(wheel - key, rel=1e-5)
+    angle = (34 * 7 + 33 * 7) * 60 + 2 * 6 * triangle(34 * 0.85, 40 * 0.85, 7)
+    slot = 7 * (14 * 6 + math.pi * 9)
+    assert build_part("corner_brace").volume == pytest.approx(angle - slot - 2 * math.pi * 9 * 7, rel=1e-6)
+    plate = (52**2 - (4 - math.pi) * 64) * 8 + math.pi * 17**2 * 2
+    neck = frustum(15, 11, 9) + math.pi * 11**2 * 10
+    holes = math.pi * (8**2 * 29 + 4 * 9 * 8)
+    assert build_part("neck_flange").volume == pytest.approx(plate + neck - holes, rel=1e-6)
+
+
+def triangle(width, height, wall):
+    """Area of a right triangle outside of an angle of two legs, `wall` thick, along its sides."""
+    scale = 1 - wall / width - wall / height
+    return width * height / 2 * scale**2
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 58
+    assert len(PARTS) == 72
     assert len(held_out) * 3 >= len(PARTS)
 
 

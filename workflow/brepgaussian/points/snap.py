@@ -95,7 +95,9 @@ def snap(
         for curve, size in zip(curves, sizes, strict=True):
             part = slice(first, first + size)
             kernel = _kernel(curve)
-            h, g, n = (_blur(values[part], kernel, curve.closed) for values in (said.hessian, said.gradient, said.found))
+            h, g, n = (
+                _blur(values[part], kernel, curve.closed) for values in (said.hessian, said.gradient, said.found)
+            )
             g = g + (start[part] - points[part]) @ prior
             move = np.linalg.solve(h + prior + along[part], g[..., None])[..., 0]
             move[n < _LEAST_VIEWS] = 0

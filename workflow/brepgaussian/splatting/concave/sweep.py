@@ -159,10 +159,8 @@ def _at_ends(columns: Field) -> Field:
     return np.maximum(columns[:_AT_END_VOXELS].min(axis=0), columns[-_AT_END_VOXELS:].min(axis=0))
 
 
-def _sections(
-    least: Field, widest: Field, columns: Field, spacing: float
-) -> list[tuple[NDArray[np.bool_], float]]:
-    """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, and their volumes in voxels.
+def _sections(least: Field, widest: Field, columns: Field, spacing: float) -> list[tuple[NDArray[np.bool_], float]]:
+    """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, and volumes in voxels.
 
     Args:
         least: (R, C) negative where a column counts as empty; widest: the same, for those beside such a region.

@@ -28,7 +28,7 @@ _PITCH_PIXELS = 1.25
 _MARGIN_CELLS = 4
 _INSIDE = 0.5  # of the views put the cell inside
 _BORDER_PX = 3.0  # from the border, cells whose height is measured
-_LEAST_SEEN = 4  # views of such a cell
+_LEAST_SEEN = 4  # views of such a cell, and of one that is surely seen
 _LEAST_PARALLAX = 1.0  # px squared, summed over views, for a rise of one cell
 _LEVEL_PIXELS = 0.8  # footprints of a pixel: a border this near to the plane is on it
 _BORDER_NOISE_PX = 0.4  # of a border in one view
@@ -96,7 +96,8 @@ def confirm(
         hidden = _outline(lattice, depth, believed) & ~outline
         even, crowded = evenness(images, lattice, hidden, chosen, believed & (depth > _BLUR_PX))
         if even >= _EVEN_SHARE:
-            outline = ndimage.binary_propagation(outline, mask=outline | hidden & ~crowded)
+            sure = outline & (bare.sum(axis=0) >= _LEAST_SEEN).reshape(outline.shape)
+            outline = ndimage.binary_propagation(sure, mask=outline | hidden & ~crowded)
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
 
 

@@ -68,7 +68,11 @@ def flatten_faces(
     """
     faces = found = list(known or [])
     for _ in range(1 if known is None else _ROUNDS):
-        if known is not None and not opened and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * hull.spacing:
+        if (
+            known is not None
+            and not opened
+            and max((f.bulge for f in found), default=0.0) < _BLIND_CELLS * hull.spacing
+        ):
             break
         opened = False
         hull, found = _flatten(images, patches, hull, sampler, faces)
@@ -132,7 +136,9 @@ def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
     old, new, count = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
     agreeable = count < _LEAST_RAYS or new <= _GAIN * old
     if not agreeable:
-        logger.info("bulge %.4f: views disagree by %.2f for %.2f of the hull, %d rays: kept", face.bulge, new, old, count)
+        logger.info(
+            "bulge %.4f: views disagree by %.2f for %.2f of the hull, %d rays: kept", face.bulge, new, old, count
+        )
     return agreeable
 
 

@@ -1,0 +1,83 @@
+"""Channels straightened by their sections, holes that reach from mouth to mouth; on solids made by hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from brepgaussian.splatting.concave import shorten
+from brepgaussian.splatting.concave.join import joined, told_once
+from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
+from brepgaussian.splatting.concave.sweep import _cuts
+from brepgaussian.splatting.concave.volume import Volume
+
+SPACING = 1 / 100
+GRID = np.stack(np.meshgrid(*[SPACING * np.arange(101)] * 3, indexing="ij"), axis=-1)
+UP = np.array([0, 0, 1.0])
+
+
+def block_with_slot(rise):
+    """A block with a slot along x, .2 wide and .2 deep at its ends, whose floor rises inwards; a bore along y below."""
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    block = np.minimum.reduce([0.4 - np.abs(x - 0.5), 0.3 - np.abs(y - 0.5), 0.3 - np.abs(z - 0.5)])
+    floor = 0.6 + rise * np.minimum(x - 0.1, 0.9 - x)
+    slot = np.minimum(0.1 - np.abs(y - 0.5), z - floor)
+    bore = 0.12 - np.hypot(x - 0.5, z - 0.55)
+    return Volume(np.minimum.reduce([block, -slot, -bore]).astype(np.float32), np.zeros(3), SPACING)
+
+
+@pytest.mark.parametrize("rise", [0.1, 0.3])
+def test_a_channel_is_told_from_a_bore_across_it_by_its_ends(rise):
+    ends = [SimpleNamespace(normal=np.array([s, 0, 0.0]), offset=0.4 + s * 0.5) for s in (1.0, -1.0)]
+    hull = block_with_slot(rise)
+    cuts = _cuts(hull, np.array([1.0, 0, 0]), ends)
+    (slot,) = [c for c in cuts if c.at_ends]
+    within = np.array([[0.5, 0.5, 0.63], [0.3, 0.43, 0.65], [0.7, 0.57, 0.69]])
+    beside = np.array([[0.5, 0.3, 0.55], [0.5, 0.7, 0.55], [0.5, 0.5, 0.57], [0.3, 0.37, 0.65], [0.5, 0.5, 0.45]])
+    (prism,) = slot.prisms
+    assert (hull.without(prism, 0.0).scene().signed_distance(within) > 0).all()
+    assert (prism.signed_distance(beside, 0.0) > 0).all()
+    somewhere = [c for c in cuts if not c.at_ends]
+    assert all((c.prisms[0].signed_distance(beside, 0.0) < 0).any() for c in somewhere)  # they take the bore along
+
+
+def hole(normal, middle, depth, radius=0.06, error=0.1, through=True):
+    """A round hole, straight down from a mouth."""
+    normal = np.asarray(normal, float) / np.linalg.norm(normal)
+    first, second = plane_axes(normal)
+    pitch, size = 0.005, 41
+    origin = np.asarray(middle, float) - (first + second) * pitch * (size - 1) / 2
+    rows, columns = np.mgrid[:size, :size]
+    outline = np.hypot(rows - size // 2, columns - size // 2) * pitch < radius
+    return Prism(Lattice(origin, first, second, normal, pitch, outline.shape), outline, depth, through, error)
+
+
+def test_a_hole_reaches_from_mouth_to_mouth():
+    down, up = hole(UP, [0.5, 0.5, 0.8], 0.2, radius=0.055), hole(-UP, [0.5, 0.5, 0.3], 0.1)
+    depths = [prism.depth for prism in joined([down, up], 0.02)]
+    assert max(depths) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("lean", "kept"), [(0.15, 1), (0.0, 2), (0.9, 2)])
+def test_a_crooked_far_mouth_is_the_same_hole(lean, kept):
+    straight = hole(-UP, [0.5, 0.5, 0.2], 0.4)
+    crooked = hole([0, -lean, 1.0], [0.5, 0.5, 0.59], 0.4, radius=0.05, error=0.2)
+    found = told_once([crooked, straight], [], 0.02)
+    assert len(found) == kept
+    assert found[-1] is straight
+    assert len(told_once([crooked], [straight], 0.02)) == kept - 1  # what is known stays
+
+
+@pytest.mark.parametrize(("lumen", "goes_on"), [(0.0, False), (0.04, True)], ids=["a whole wall", "a pierced one"])
+def test_a_hole_goes_on_through_a_wall_that_silhouettes_pierce_where_no_ray_tells(monkeypatch, lumen, goes_on):
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    walls = np.minimum.reduce([0.3 - np.abs(x - 0.5), 0.3 - np.abs(y - 0.5), 0.1 - np.abs(np.abs(z - 0.5) - 0.2)])
+    away = np.hypot(x - 0.5, y - 0.5)
+    hull = Volume(np.minimum(walls, away - lumen).astype(np.float32), np.zeros(3), SPACING)
+    monkeypatch.setattr(shorten, "disagreements", lambda *_: (0.0, 0.0, 0))
+    through = hole(UP, [0.5, 0.5, 0.8], 0.6)
+    kept = shorten.shortened(None, hull, through, 2 * SPACING)
+    assert (kept.depth == through.depth) == goes_on
+    if not goes_on:
+        assert kept.depth == pytest.approx(0.2, abs=0.02)
+    assert shorten.shortened(None, hull, replace(through, through=False), 0.0).depth == through.depth
