@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from brepgaussian.splatting.concave import standing
 from brepgaussian.splatting.concave.openings import LID, WALL, Stack, beside_islands, enclosed
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.sweep import _directions
@@ -82,3 +83,32 @@ def test_channels_end_at_faces_that_look_away_from_each_other():
     outer, inner = [facing(1.0, 0.9), facing(-1.0, -0.1)], [facing(1.0, 0.3), facing(-1.0, -0.7)]
     assert len(_directions(outer)) == 1  # they share it
     assert _directions(inner) == []
+
+
+def plate_with_hub(skirt):
+    """A plate whose top is at z = LEVEL, a hub .2 high on it, and around its foot a cone that silhouettes leave."""
+    grid = np.stack(np.meshgrid(*[SPACING * np.arange(81)] * 3, indexing="ij"), axis=-1)
+    away, height = np.linalg.norm(grid[..., :2] - MIDDLE, axis=-1), grid[..., 2] - LEVEL
+    plate = np.minimum(0.45 - np.abs(grid[..., :2] - 0.5).max(axis=-1), 0.15 - np.abs(grid[..., 2] - 0.25))
+    hub = np.minimum(0.08 + np.maximum(skirt * (1 - height / 0.15), 0) - away, 0.2 - np.abs(height))
+    return Volume(np.maximum(plate, hub).astype(np.float32), np.zeros(3), SPACING)
+
+
+@pytest.mark.parametrize("skirt", [0.04, 0.08])
+def test_a_recess_around_a_hub_leaves_the_hub_out(monkeypatch, skirt):
+    monkeypatch.setattr(standing, "_filling", lambda found, *_: found)
+    on = lattice()
+    away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
+    domain = away > 0.08 + skirt
+    shown = np.full((9, *on.shape), LID, np.uint8)
+    shown[::3, domain & (away < 0.25)] = WALL  # a third of the views see something else in the recess
+    stack = Stack(on, domain, shown, shown * 1.0, np.zeros(on.shape))
+    found = standing.around_hubs(stack, plate_with_hub(skirt).scene(), None, 50 * PITCH**2)
+    assert len(found) == 3
+    truth = (away < 0.25) & (away > 0.08)
+    overlaps = [(outline & truth).sum() / (outline | truth).sum() for outline, _ in found]
+    assert overlaps == sorted(overlaps)  # the higher the section, the less of the corner is in it
+    assert overlaps[-1] > 0.93
+    assert found[-1][1] == pytest.approx(0.2, abs=2 * PITCH)
+    shown[:] = LID  # all views agree: a face, not a recess
+    assert standing.around_hubs(stack, plate_with_hub(skirt).scene(), None, 50 * PITCH**2) == []

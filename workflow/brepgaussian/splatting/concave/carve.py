@@ -44,7 +44,7 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
-            margin = _MARGIN_CELLS * hull.spacing
+            margin = _MARGIN_CELLS * hull.spacing + known[k].above
             known[k] = shortened(images, hull, known[k], margin)
             hull = hull.without(known[k], margin)
         scene = hull.scene()

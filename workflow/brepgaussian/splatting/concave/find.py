@@ -1,6 +1,7 @@
 """All prismatic concavities under the planes of a hull."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from brepgaussian.splatting.concave.openings import (
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.standing import around_hubs
 
 _MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
 _PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
@@ -119,12 +121,13 @@ def _concavities(
     if floor is not None:
         whole = carried(floor.lattice, floor.outline, stack.lattice)
         outlines += beside_islands(stack, whole, regions)
+    hubs = [] if centered else around_hubs(stack, scene, images.views, least)
     fits = []
-    for outline in outlines:
+    for outline, above in [*((outline, 0.0) for outline in outlines), *hubs]:
         if outline.any():
             fit = measure(stack, outline, cameras.centers, scene, images.tolerance)
             if fit is not None and _believable(fit[0]):
-                fits.append(fit)
+                fits.append((replace(fit[0], above=above), fit[1]))
     taken = np.zeros(stack.lattice.shape, bool)
     chosen = []
     for prism, gain in sorted(fits, key=lambda fit: -fit[1]):

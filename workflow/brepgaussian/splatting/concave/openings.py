@@ -123,8 +123,7 @@ def _against(shown: NDArray[np.uint8]) -> Array:
 def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     """(R, C) outlines of the regions where the lid is refuted."""
     share = _against(stack.shown)
-    inner = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
-    region = ndimage.binary_closing((share > _REFUTED_SHARE) & inner, iterations=2)
+    region = refuted(stack)
     filled = ndimage.binary_fill_holes(region) & stack.domain
     # what the views agree on within an opening may be its floor, or an island as high as the lid: both are tried
     holes, _ = ndimage.label(filled & ~region)
@@ -137,6 +136,12 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
         found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
         outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
+
+
+def refuted(stack: Stack) -> NDArray[np.bool_]:
+    """(R, C) cells about which views differ, but for the blur at the face's border."""
+    inner = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
+    return np.asarray(ndimage.binary_closing((_against(stack.shown) > _REFUTED_SHARE) & inner, iterations=2))
 
 
 def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[np.bool_]]:

@@ -73,6 +73,7 @@ class Prism:
         draft: how far the outline shrinks on all sides for each unit of depth.
         sink: how far it shrinks at most: from there on a countersunk hole is straight.
         endless: whether the rays that tell its walls don't tell a floor: it may as well be deeper, or go through.
+        above: how high the hull stands over the opening, where it fills the corner beside a hub.
     """
 
     lattice: Lattice
@@ -84,6 +85,7 @@ class Prism:
     draft: float = 0.0
     sink: float = np.inf
     endless: bool = False
+    above: float = 0.0
 
     @property
     def area(self) -> float:

@@ -1,0 +1,84 @@
+"""Recesses around what stands out of them: a hub that rises past the rim hides its foot; hulls fill the corner."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.openings import Stack, is_framed, refuted
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
+
+Outline = NDArray[np.bool_]
+
+_STEP_CELLS = 1.0  # between the heights at which the hull over a face is looked at
+_SECTIONS = (0.35, 0.65, 0.95)  # of what stands: near its top a hull is not widened by the corner that it fills
+_TOUCH_CELLS = 3  # between what stands and where views disagree
+_OPENING_CELLS = 3  # a recess narrower than twice this is not told from blur
+_HIGHEST = 0.5  # unit frame, that a hub stands out of its rim
+_MOST_LOST = 0.01  # share of the rays through what fills the corner that it may leave with nothing
+
+
+def around_hubs(stack: Stack, scene: Scene, views: Views, least_area: float) -> list[tuple[Outline, float]]:
+    """Outlines (R, C) of recesses without what stands in them, and how high the hull stands over each.
+
+    What stands there is as wide as the hull some way up, so several outlines of one recess are to try.
+
+    Args:
+        stack: what the views show on the rim's plane.
+        scene: the hull.
+        views: whose silhouettes have to stay filled.
+        least_area: of a recess.
+    """
+    standing = ndimage.binary_fill_holes(stack.domain) & ~stack.domain
+    open_cells = refuted(stack)
+    labels, count = ndimage.label(standing)
+    beside = ndimage.binary_dilation(open_cells, iterations=_TOUCH_CELLS)
+    hubs = [labels == k for k in range(1, count + 1) if (beside & (labels == k)).any()]
+    if not hubs:
+        return []
+    whole = ndimage.binary_fill_holes(open_cells | np.any(hubs, axis=0))
+    recesses, count = ndimage.label(ndimage.binary_opening(whole, iterations=_OPENING_CELLS))
+    found: list[tuple[Outline, float]] = []
+    for k in range(1, count + 1):
+        recess = recesses == k
+        inside = [hub for hub in hubs if (hub & recess).any()]
+        if not inside or not is_framed(stack, recess):
+            continue
+        foot = np.any(inside, axis=0)
+        top = _top(stack, scene, foot)
+        for share in _SECTIONS:
+            outline = recess & ~_section(stack, scene, foot, share * top)
+            if (outline & stack.domain).sum() * stack.lattice.pitch**2 >= least_area:
+                found.append((outline, top))
+    return _filling(found, stack, scene, views)
+
+
+def _filling(
+    found: list[tuple[Outline, float]], stack: Stack, scene: Scene, views: Views
+) -> list[tuple[Outline, float]]:
+    """Those over which nothing stands that silhouettes show."""
+    if not found:
+        return []
+    chords = chords_in(scene, *contour_rays(views))
+    samples = chords.samples()
+    over = [Prism(stack.lattice, outline, 0.0, False, 0.0).signed_distance(samples, top) < 0 for outline, top in found]
+    return [pair for pair, removed in zip(found, over, strict=True) if lost_share(chords, removed) <= _MOST_LOST]
+
+
+def _top(stack: Stack, scene: Scene, foot: Outline) -> float:
+    """How high the hull stands over cells of the plane."""
+    step = _STEP_CELLS * stack.lattice.pitch
+    top = 0.0
+    while top + step < _HIGHEST and _section(stack, scene, foot, top + step).any():
+        top += step
+    return top
+
+
+def _section(stack: Stack, scene: Scene, foot: Outline, height: float) -> Outline:
+    """(R, C) cells over which the hull is solid at some height."""
+    solid = np.zeros(foot.shape, bool)
+    cells = stack.lattice.centers()[foot] + height * stack.lattice.normal
+    solid[foot] = scene.signed_distance(cells) < 0
+    return solid
