@@ -29,6 +29,9 @@ SIMPLE = ("plane", "cylinder")
 TURN_FLOOR, TURN_CEILING = np.radians(0.5), np.radians(12.0)  # believable noise of normals
 JUDGED = 40  # points from which a label may speak about the noise
 POOR = 1.5  # noises: a fit beyond it may hold two faces
+SMOOTH = (
+    0.001  # unit frame; surfels of curved faces err smoothly by that, where planes that are known make the noise less
+)
 KEPT_SUPPORT = 0.88  # of the members: below it a second face may hide in the label
 SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
 SPLIT_COUNT = 40  # points
@@ -121,9 +124,10 @@ def _fit_label(
     if whole is None:
         log.warning("label %d: no surface fits its %d points", label, len(members))
         return []
-    if not settings.split or not _poor(whole, cloud, noise, settings):
+    smooth = dataclasses.replace(noise, distance=max(noise.distance, SMOOTH))
+    if not settings.split or not _poor(whole, cloud, smooth, settings):
         return [whole]
-    parts = split(whole, cloud, noise, settings)
+    parts = split(whole, cloud, smooth, settings)
     if len(parts) > 1:
         log.info("label %d holds %d faces: %s", label, len(parts), ", ".join(p.surface.kind for p in parts))
     for part in parts:

@@ -126,7 +126,8 @@ def _concavities(
     for outline, above in [*((outline, 0.0) for outline in outlines), *hubs]:
         if outline.any():
             fit = measure(stack, outline, cameras.centers, scene, images.tolerance)
-            if fit is not None and _believable(fit[0]):
+            # around a hub silhouettes would show what goes through
+            if fit is not None and _believable(fit[0]) and not (above and fit[0].through):
                 fits.append((replace(fit[0], above=above), fit[1]))
     taken = np.zeros(stack.lattice.shape, bool)
     chosen = []
