@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import shorten
+from brepgaussian.splatting.concave import carve, shorten
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.sweep import _cuts
@@ -81,3 +81,18 @@ def test_a_hole_goes_on_through_a_wall_that_silhouettes_pierce_where_no_ray_tell
     if not goes_on:
         assert kept.depth == pytest.approx(0.2, abs=0.02)
     assert shorten.shortened(None, hull, replace(through, through=False), 0.0).depth == through.depth
+
+
+@pytest.mark.parametrize(
+    ("said", "opened"), [((1.0, 0.5, 500), True), ((0.2, 1.3, 500), False), ((0.2, 1.3, 20), True)]
+)
+def test_views_judge_openings_in_curved_faces(monkeypatch, said, opened):
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    shaft = Volume(np.minimum(0.2 - np.hypot(y - 0.5, z - 0.5), 0.4 - np.abs(x - 0.5)), np.zeros(3), SPACING)
+    across = hole(UP, [0.5, 0.5, 0.7], 0.4)
+    monkeypatch.setattr(carve, "find_prisms", lambda *_: [])
+    monkeypatch.setattr(carve, "find_curved", lambda *_: [across])
+    monkeypatch.setattr(carve, "disagreements", lambda *_: said)
+    hull, known = carve.open_concavities(None, shaft)
+    assert len(known) == opened
+    assert (hull.scene().signed_distance(np.array([[0.5, 0.5, 0.6]]))[0] > 0) == opened

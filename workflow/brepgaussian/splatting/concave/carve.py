@@ -1,9 +1,12 @@
 """Open the concavities of a hull's field, level by level (a counterbore's bore lies under its first floor)."""
 
+from brepgaussian import log
+from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.sweep import straighten
 from brepgaussian.splatting.concave.trim import flatten
@@ -11,7 +14,11 @@ from brepgaussian.splatting.concave.turned import turn
 from brepgaussian.splatting.concave.volume import Volume
 
 _LEVELS = 3
+_GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
+_LEAST_RAYS = 100  # that tell, for them to judge
 _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
+
+logger = log.get_logger("stage1")
 
 
 def open_channels(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
@@ -49,6 +56,23 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
             hull = hull.without(known[k], margin)
         scene = hull.scene()
     for prism in find_curved(images, scene, hull.spacing, known):
-        hull = hull.without(prism, _MARGIN_CELLS * hull.spacing)
-        known.append(prism)
+        opened = hull.without(prism, _MARGIN_CELLS * hull.spacing)
+        after = opened.scene()
+        if _agreeable(images, scene, after, prism, 2 * hull.spacing):
+            hull, scene = opened, after
+            known.append(prism)
     return hull, known
+
+
+def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:
+    """Whether views agree better where an opening in a curved face has changed the hull, as far as they tell.
+
+    In a bore, what shows through its far mouth passes for a hole in its wall.
+    """
+    old, new, count = disagreements(images, before, after, reach)
+    agreeable = count < _LEAST_RAYS or new <= _GAIN * old
+    logger.info(
+        "opening in a curved face, area %.4f: views disagree by %.2f for %.2f of the hull, %d rays%s",
+        prism.area, new, old, count, "" if agreeable else ": not believed",
+    )  # fmt: skip
+    return agreeable
