@@ -30,14 +30,14 @@ _LEAST_AREA = 0.01  # of a face that ends a channel
 _END_VOXELS = 3.0  # at a channel's ends the hull is rounded
 _RIM_VOXELS = 1.0  # the same at an end that shows the section: past it the hull rises as steeply as cameras look down
 _BESIDE_VOXELS = 3  # so far from what is surely empty a section is as wide as its rim shows it
-_AT_END_VOXELS = 6  # there a channel shows its section; what crosses it in the middle is none of it
+_AT_END_VOXELS = 2  # there a channel shows its section; what crosses it in the middle is none of it
 _LEAST_CELLS = 12  # of a section's region that changes
 _FINER = 2  # cells of a section for each voxel
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 _LEAST_PART_VOXELS = 60  # of one of several channels
 _MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
-_LEAST_RAYS = 100
+_LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
 _MOST_CUTS = 4  # channels of one part
 _MOST_CHECKED = 12  # hypotheses of one direction, largest first
@@ -115,14 +115,13 @@ def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
 
 
 def _possible(chords: Chords, cuts: list[_Cut]) -> list[_Cut]:
-    """Those cuts that leave the silhouettes filled; if there are several of one sort, all of them at once as well."""
+    """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
     samples = chords.samples()
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
     kept = [c for c in largest if lost_share(chords, c.prisms[0].signed_distance(samples, 0.0) < 0) <= _MOST_LOST]
-    for at_ends in (False, True):
-        alike = [c for c in kept if c.at_ends == at_ends and len(c.prisms) == 1]
-        if len(alike) > 1:
-            kept.append(_Cut(tuple(c.prisms[0] for c in alike), sum(c.volume for c in alike), at_ends))
+    ends = [c for c in kept if c.at_ends]
+    if len(ends) > 1:
+        kept.append(_Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
     return [c for c in kept if c.volume >= _LEAST_VOLUME_VOXELS]
 
 
@@ -178,7 +177,9 @@ def _sections(least: Field, widest: Field, columns: Field, spacing: float) -> li
         fine = ndimage.zoom(np.where(section | (widest >= 0), widest, spacing), _FINER, order=1, grid_mode=True,
                             mode="nearest")  # fmt: skip
         near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
-        found.append(((fine < 0) & near, float(volume[member].sum())))
+        outline = (fine < 0) & near
+        if outline.any():
+            found.append((outline, float(volume[member].sum())))
     return found
 
 
