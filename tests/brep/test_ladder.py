@@ -9,6 +9,7 @@ from brepgaussian.brep import occ
 from brepgaussian.brep.gate import integrity
 from brepgaussian.brep.ladder import climb, make_job
 from brepgaussian.brep.worker import Worker, WorkerError
+from brepgaussian.errors import StageError
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
 from brepgaussian.settings.brep import BrepSettings
 
@@ -104,3 +105,24 @@ def test_worker_survives_hangs_crashes_and_errors():
         with pytest.raises(WorkerError, match="crashed"):
             worker.call("worker:Worker", (), 30.0)  # starting takes longer than the timer
         assert worker.call("borders:clusters", (np.zeros((3, 3)), 1.0), 30.0)[0].tolist() == [0, 1, 2]
+
+
+def test_a_solid_that_a_step_file_does_not_give_back_is_not_published(kit, worker, monkeypatch):
+    known = kit.block_with_hole(sigma=0.001, count=6000, seed=3)
+    views = kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5])))
+    job = make_job(views, known.points, known.primitives, SETTINGS)
+    asked = []
+    call = worker.call
+
+    def refuse_the_first(function, arguments, limit):
+        if function == "publish:check_step":
+            asked.append(arguments[0])
+            if len(asked) == 1:
+                raise StageError("the STEP that was read back has another volume")
+        return call(function, arguments, limit)
+
+    monkeypatch.setattr(worker, "call", refuse_the_first)
+    outcome = climb(worker, job, known.points)
+    assert len(asked) >= 1
+    assert outcome.shape != asked[0] or outcome.report["fallback"]
+    assert integrity(occ.from_bytes(outcome.shape)) == ()

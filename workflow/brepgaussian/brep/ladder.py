@@ -15,7 +15,7 @@ from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
-from brepgaussian.brep.polish import Polished
+from brepgaussian.brep.polish import Polished, badness
 from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
@@ -25,7 +25,7 @@ from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.tangents import tangent_walls
 from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.worker import Worker, WorkerError
-from brepgaussian.errors import StageError
+from brepgaussian.errors import BrepGaussianError, StageError
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.afresh import alternatives
@@ -111,7 +111,7 @@ def climb(
         StageError: not even the fallback closes.
     """
     search = Search(worker, job, budget_of(job.settings), views, others)
-    found = search.run()
+    found = _writable(worker, search, search.run(), views, job.settings)
     if found is None:
         found = Polished(_fallback(worker, job, points), {})
         search.tried.append(found.attempt)
@@ -121,6 +121,27 @@ def climb(
     assert chosen.verdict.structure is not None
     report = _report(chosen, [*search.tried, *search.beside], job) | judged
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, report)
+
+
+def _writable(
+    worker: Worker, search: Search, found: Polished | None, views: Views | None, settings: BrepSettings
+) -> Polished | None:
+    """The solid that was found if a STEP file gives it back as it is, else the best other one of which that holds."""
+    judged = sorted(search.polished.values(), key=lambda p: badness(p.report, settings))
+    others = [Polished(attempt, {}) for attempt in search.publishable()]
+    frame = (np.eye(4), "mm") if views is None else (views.world_from_unit, views.unit)
+    refused: list[bytes | None] = []
+    for rival in [] if found is None else [found, *judged, *others]:
+        if rival.attempt.shape in refused:
+            continue
+        try:
+            worker.call("publish:check_step", (rival.attempt.shape, *frame), settings.time_limit_s)
+        except (WorkerError, BrepGaussianError) as error:
+            refused.append(rival.attempt.shape)
+            get_logger("brep").warning("rung %s is not published: %s", rival.attempt.rung, error)
+        else:
+            return rival
+    return None
 
 
 def _fallback(worker: Worker, job: Job, points: Points) -> Attempt:

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -33,13 +34,27 @@ def write_step(data: bytes, world_from_unit: Array, unit: str, name: str, path: 
     Raises:
         StageError: the file does not hold the same valid solid.
     """
-    shape = transform(occ.from_bytes(data), world_from_unit)
-    scale = _METRE_FACTOR if unit == "m" else 1.0
-    if scale != 1.0:
-        shape = transform(shape, np.diag([scale, scale, scale, 1.0]))
+    shape = _placed(data, world_from_unit, unit)
     with atomic(path) as temporary:
         _write(shape, _STEP_UNIT[unit], name, temporary)
         _compare(shape, _read(temporary))
+
+
+def check_step(data: bytes, world_from_unit: Array, unit: str) -> None:
+    """Write and compare as `write_step` does, and keep nothing.
+
+    Raises:
+        StageError: a file would not hold the same valid solid.
+    """
+    with TemporaryDirectory() as folder:
+        write_step(data, world_from_unit, unit, "check", str(Path(folder) / "check.step"))
+
+
+def _placed(data: bytes, world_from_unit: Array, unit: str) -> Any:
+    """A solid (OCC bytes, unit frame) in the user's frame and unit."""
+    shape = transform(occ.from_bytes(data), world_from_unit)
+    scale = _METRE_FACTOR if unit == "m" else 1.0
+    return transform(shape, np.diag([scale, scale, scale, 1.0])) if scale != 1.0 else shape
 
 
 def transform(shape: Any, matrix: Array) -> Any:

@@ -107,7 +107,7 @@ class Search:
     def choose(self) -> Attempt | None:
         """The best attempt by points and coarse silhouettes: without doubts if there is one."""
         clean = [t for t in self.tried if t.shape is not None and not t.verdict.doubts]
-        some = clean or self._publishable()
+        some = clean or self.publishable()
         return _best(some) if some else None
 
     def _climb(self, to_the_end: bool) -> None:
@@ -154,7 +154,7 @@ class Search:
         low = np.array(verdict.explained[: len(sizes)]) < settings.gate_explained
         return bool(sizes[low].sum() <= _SMALL * sizes.sum())
 
-    def _publishable(self) -> list[Attempt]:
+    def publishable(self) -> list[Attempt]:
         """Solids that beat the polyhedral fallback, doubts or not."""
         settings = self.job.settings
         return [
@@ -167,7 +167,7 @@ class Search:
 
     def _rivals(self, chosen: Attempt) -> list[Attempt]:
         """The best solids of other shapes."""
-        left = [t for t in self._publishable() if shape_of(t) != shape_of(chosen)]
+        left = [t for t in self.publishable() if shape_of(t) != shape_of(chosen)]
         result: list[Attempt] = []
         while left and len(result) < _MOST_RIVALS:
             result.append(_best(left))
