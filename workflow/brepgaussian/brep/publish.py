@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _STEP_UNIT = {"mm": "MM", "m": "M", "arbitrary": "MM"}  # STEP knows no unitless length
 _METRE_FACTOR = 1000.0  # OCC's shapes are in mm: a world in metres is scaled for the writer
 _TIME = "1970-01-01T00:00:00"  # equal input, equal bytes
-_VOLUME_TOLERANCE = 1e-4  # relative; edges have a width, which a face of cover_lid (2.7e-5) is read back with differently
+_VOLUME_TOLERANCE = 1e-4  # relative; edges have a width, and a face of cover_lid (2.7e-5) comes back with another
 _DEFLECTION, _ANGLE = 1e-3, 0.25  # of the viewer's mesh, unit frame
 
 
