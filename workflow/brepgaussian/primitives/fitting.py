@@ -127,7 +127,9 @@ def _fit_label(
     smooth = dataclasses.replace(noise, distance=max(noise.distance, SMOOTH))
     if not settings.split or not _poor(whole, cloud, smooth, settings):
         return [whole]
-    parts = split(whole, cloud, smooth, settings)
+    parts = split(whole, cloud, noise, settings)
+    if description([whole], whole.members, cloud, smooth) <= description(parts, whole.members, cloud, smooth):
+        return [whole]
     if len(parts) > 1:
         log.info("label %d holds %d faces: %s", label, len(parts), ", ".join(p.surface.kind for p in parts))
     for part in parts:
