@@ -96,3 +96,10 @@ def test_views_judge_openings_in_curved_faces(monkeypatch, said, opened):
     hull, known = carve.open_concavities(None, shaft)
     assert len(known) == opened
     assert (hull.scene().signed_distance(np.array([[0.5, 0.5, 0.6]]))[0] > 0) == opened
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.1])
+def test_what_a_prism_contains_is_where_its_distance_is_negative(margin):
+    points = np.random.default_rng(8).uniform(0, 1, (20000, 3))
+    prism = hole(UP, [0.5, 0.5, 0.8], 0.3, through=margin > 0)
+    assert np.array_equal(prism.contains(points, margin), prism.signed_distance(points, margin) < 0)

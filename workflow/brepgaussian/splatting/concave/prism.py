@@ -115,6 +115,14 @@ class Prism:
         vertical = np.maximum(height - margin, -height - bottom)
         return np.maximum(lateral + beyond, vertical)
 
+    def contains(self, points: Array, margin: float) -> NDArray[np.bool_]:
+        """(N,) whether points (N, 3) lie within a straight concavity; `margin` as for `signed_distance`."""
+        cells, height = self.lattice.coordinates(points)
+        low, high = np.argwhere(self.outline).min(axis=0) - 1, np.argwhere(self.outline).max(axis=0) + 1
+        inside = np.all((cells >= low) & (cells <= high), axis=1) & (np.abs(height) <= self.depth + margin)
+        inside[inside] = self.signed_distance(points[inside], margin) < 0
+        return np.asarray(inside)
+
 
 def signed_outline(outline: NDArray[np.bool_]) -> Array:
     """(R, C) distance of cell centres to an outline, in cells, negative inside. Not to be changed: it is kept."""

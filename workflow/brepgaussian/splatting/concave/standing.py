@@ -63,7 +63,7 @@ def _filling(
         return []
     chords = chords_in(scene, *contour_rays(views))
     samples = chords.samples()
-    over = [Prism(stack.lattice, outline, 0.0, False, 0.0).signed_distance(samples, top) < 0 for outline, top in found]
+    over = [Prism(stack.lattice, outline, 0.0, False, 0.0).contains(samples, top) for outline, top in found]
     return [pair for pair, removed in zip(found, over, strict=True) if lost_share(chords, removed) <= _MOST_LOST]
 
 

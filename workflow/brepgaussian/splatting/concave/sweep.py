@@ -118,7 +118,7 @@ def _possible(chords: Chords, cuts: list[_Cut]) -> list[_Cut]:
     """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
     samples = chords.samples()
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
-    kept = [c for c in largest if lost_share(chords, c.prisms[0].signed_distance(samples, 0.0) < 0) <= _MOST_LOST]
+    kept = [c for c in largest if lost_share(chords, c.prisms[0].contains(samples, 0.0)) <= _MOST_LOST]
     ends = [c for c in kept if c.at_ends]
     if len(ends) > 1:
         kept.append(_Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
