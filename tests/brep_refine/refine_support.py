@@ -11,6 +11,7 @@ from brepgaussian.brep.refine.parameters import prior_sigmas, update
 from brepgaussian.brep.structure import extract
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.surfaces import cone, cylinder, plane
+from poses import look_at
 
 NUT = Path(__file__).parents[3] / "shared/data/abc_nef/00000006"
 
@@ -179,13 +180,7 @@ def look_at_cameras(count: int, size: int = 400) -> Cameras:
     poses = []
     for z, t in zip(height * 0.9, turn, strict=True):
         eye = 0.5 + 3.4 * np.array([np.sqrt(1 - z * z) * np.cos(t), np.sqrt(1 - z * z) * np.sin(t), z])
-        forward = (0.5 - eye) / np.linalg.norm(0.5 - eye)
-        right = np.cross(forward, [0, 0, 1])
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-        pose[:3, 3] = -pose[:3, :3] @ eye
-        poses.append(pose)
+        poses.append(look_at(eye))
     focal = 1111.11 * size / 800
     return Cameras(np.tile([focal, focal, size / 2, size / 2], (count, 1)), np.array(poses), size, size)
 

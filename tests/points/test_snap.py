@@ -8,6 +8,7 @@ from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.points.anchor import anchor_surfaces
 from brepgaussian.points.curves import Curve
 from brepgaussian.points.snap import snap
+from poses import look_at
 
 SIZE, FOCAL = 400, 520.0
 
@@ -17,13 +18,7 @@ def cameras_above(count=12):
     for k in range(count):
         angle = 2 * np.pi * k / count
         eye = np.array([0.5 + 1.2 * np.cos(angle), 0.5 + 1.2 * np.sin(angle), 1.5 + 0.3 * (k % 2)])
-        forward = (0.5 - eye) / np.linalg.norm(0.5 - eye)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-        pose[:3, 3] = -pose[:3, :3] @ eye
-        poses.append(pose)
+        poses.append(look_at(eye))
     return Cameras(np.tile([FOCAL, FOCAL, SIZE / 2, SIZE / 2], (count, 1)), np.array(poses), SIZE, SIZE)
 
 

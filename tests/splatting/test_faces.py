@@ -20,7 +20,7 @@ from brepgaussian.splatting.faces.candidates import Candidate
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
-from synthetic import look_at
+from poses import look_at
 
 SIZE, FOCAL = 400, 520.0
 

@@ -11,7 +11,7 @@ from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.confirm import Face
 from brepgaussian.splatting.faces.fillets import Edge, inner_edge, round_edges
-from synthetic import look_at
+from poses import look_at
 
 SIZE, FOCAL, SPACING = 300, 390.0, 1 / 96
 LIGHT = np.array([0.5, 0.3, 0.81])

@@ -111,7 +111,7 @@ def climb(
         StageError: not even the fallback closes.
     """
     search = Search(worker, job, budget_of(job.settings), views, others)
-    found = _writable(worker, search, search.run(), views, job.settings)
+    found = _writable(worker, search, search.run())
     if found is None:
         found = Polished(_fallback(worker, job, points), {})
         search.tried.append(found.attempt)
@@ -123,10 +123,9 @@ def climb(
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, report)
 
 
-def _writable(
-    worker: Worker, search: Search, found: Polished | None, views: Views | None, settings: BrepSettings
-) -> Polished | None:
+def _writable(worker: Worker, search: Search, found: Polished | None) -> Polished | None:
     """The solid that was found if a STEP file gives it back as it is, else the best other one of which that holds."""
+    views, settings = search.views, search.job.settings
     judged = sorted(search.polished.values(), key=lambda p: badness(p.report, settings))
     others = [Polished(attempt, {}) for attempt in search.publishable()]
     frame = (np.eye(4), "mm") if views is None else (views.world_from_unit, views.unit)

@@ -34,7 +34,10 @@ def write_step(data: bytes, world_from_unit: Array, unit: str, name: str, path: 
     Raises:
         StageError: the file does not hold the same valid solid.
     """
-    shape = _placed(data, world_from_unit, unit)
+    shape = transform(occ.from_bytes(data), world_from_unit)
+    scale = _METRE_FACTOR if unit == "m" else 1.0
+    if scale != 1.0:
+        shape = transform(shape, np.diag([scale, scale, scale, 1.0]))
     with atomic(path) as temporary:
         _write(shape, _STEP_UNIT[unit], name, temporary)
         _compare(shape, _read(temporary))
@@ -48,13 +51,6 @@ def check_step(data: bytes, world_from_unit: Array, unit: str) -> None:
     """
     with TemporaryDirectory() as folder:
         write_step(data, world_from_unit, unit, "check", str(Path(folder) / "check.step"))
-
-
-def _placed(data: bytes, world_from_unit: Array, unit: str) -> Any:
-    """A solid (OCC bytes, unit frame) in the user's frame and unit."""
-    shape = transform(occ.from_bytes(data), world_from_unit)
-    scale = _METRE_FACTOR if unit == "m" else 1.0
-    return transform(shape, np.diag([scale, scale, scale, 1.0])) if scale != 1.0 else shape
 
 
 def transform(shape: Any, matrix: Array) -> Any:

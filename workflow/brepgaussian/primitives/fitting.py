@@ -29,9 +29,7 @@ SIMPLE = ("plane", "cylinder")
 TURN_FLOOR, TURN_CEILING = np.radians(0.5), np.radians(12.0)  # believable noise of normals
 JUDGED = 40  # points from which a label may speak about the noise
 POOR = 1.5  # noises: a fit beyond it may hold two faces
-SMOOTH = (
-    0.001  # unit frame; surfels of curved faces err smoothly by that, where planes that are known make the noise less
-)
+SMOOTH = 0.001  # unit frame; curved faces err smoothly by that, even where planes that are known make the noise less
 KEPT_SUPPORT = 0.88  # of the members: below it a second face may hide in the label
 SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
 SPLIT_COUNT = 40  # points
@@ -128,8 +126,8 @@ def _fit_label(
     if not settings.split or not _poor(whole, cloud, smooth, settings):
         return [whole]
     parts = split(whole, cloud, noise, settings)
-    if description([whole], whole.members, cloud, smooth) <= description(parts, whole.members, cloud, smooth):
-        return [whole]
+    if len(parts) > 1 and _pays_not(whole, parts, cloud, smooth):
+        parts = [whole]
     if len(parts) > 1:
         log.info("label %d holds %d faces: %s", label, len(parts), ", ".join(p.surface.kind for p in parts))
     for part in parts:
@@ -170,9 +168,12 @@ def split(whole: Patch, cloud: Cloud, noise: Noise, settings: PrimitivesSettings
     parts = _shared_out(parts, whole.members, cloud, noise, settings)
     if any(p.rms > EXPLAINED * noise.distance or p.turn > EXPLAINED * noise.turn for p in parts):
         return [whole]
-    if description([whole], whole.members, cloud, noise) <= description(parts, whole.members, cloud, noise):
-        return [whole]
-    return parts
+    return [whole] if _pays_not(whole, parts, cloud, noise) else parts
+
+
+def _pays_not(whole: Patch, parts: list[Patch], cloud: Cloud, noise: Noise) -> bool:
+    """Whether several faces explain a patch no better than one."""
+    return description([whole], whole.members, cloud, noise) <= description(parts, whole.members, cloud, noise)
 
 
 def _shared_out(

@@ -116,6 +116,18 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
     return costs[0], float((1 - lost) * costs[1] + lost * _CAP), min(telling)
 
 
+def better(said: tuple[float, float, int], gain: float, least_rays: int, untold: bool) -> bool:
+    """Whether views agree better on the second of two surfaces.
+
+    Args:
+        said: what `disagreements` returns.
+        gain: share of the disagreement on the first that may be left.
+        least_rays: that have to tell, else the answer is `untold`.
+    """
+    old, new, count = said
+    return new <= gain * old if count >= least_rays else untold
+
+
 def _differences(points: Array, normals: NDArray[np.float32], grey: Array, side: float, tolerance: float) -> Costs:
     """(N,) capped difference of rays from a linear fit to all rays of their place, (N,) whether they have such."""
     if not len(points):

@@ -1,7 +1,7 @@
 """Open the concavities of a hull's field, level by level (a counterbore's bore lies under its first floor)."""
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.openings import Images
@@ -69,8 +69,8 @@ def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach:
 
     In a bore, what shows through its far mouth passes for a hole in its wall.
     """
-    old, new, count = disagreements(images, before, after, reach)
-    agreeable = count < _LEAST_RAYS or new <= _GAIN * old
+    old, new, count = said = disagreements(images, before, after, reach)
+    agreeable = better(said, _GAIN, _LEAST_RAYS, untold=True)
     logger.info(
         "opening in a curved face, area %.4f: views disagree by %.2f for %.2f of the hull, %d rays%s",
         prism.area, new, old, count, "" if agreeable else ": not believed",

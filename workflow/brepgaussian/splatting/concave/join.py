@@ -66,9 +66,8 @@ def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) 
 
 def _is_mouth_of(mouth: Prism, hole: Prism, tolerance: float) -> bool:
     """Whether a hole's mouth is the far end of another hole that is known better, seen from a plane that leans."""
-    if not (mouth.through and hole.through) or mouth.lattice.normal @ hole.lattice.normal < -_OPPOSITE:
-        return False
-    if mouth.lattice.normal @ hole.lattice.normal > -_LEANING:
+    facing = -float(mouth.lattice.normal @ hole.lattice.normal)
+    if not (mouth.through and hole.through and _LEANING <= facing <= _OPPOSITE):
         return False
     inside = hole.signed_distance(mouth.lattice.centers()[mouth.outline], tolerance) < tolerance
     return bool(inside.mean() > _SAME_MOUTH)

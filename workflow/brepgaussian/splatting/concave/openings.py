@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,17 @@ class Stack:
     grey: NDArray[np.float32]
     relief: Array
 
+    @cached_property
+    def against(self) -> Array:
+        """(R, C) share of the views that show something else than the others; none where few see a cell."""
+        return _against(self.shown)
+
+    @cached_property
+    def refuted(self) -> NDArray[np.bool_]:
+        """(R, C) cells about which views differ, but for the blur at the face's border."""
+        inner = ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
+        return np.asarray(ndimage.binary_closing((self.against > _REFUTED_SHARE) & inner, iterations=2))
+
     def surface(self) -> Array:
         """(R, C, 3) places on the face below the lattice's cells."""
         return self.lattice.centers() - self.relief[..., None] * self.lattice.normal
@@ -122,8 +134,7 @@ def _against(shown: NDArray[np.uint8]) -> Array:
 
 def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     """(R, C) outlines of the regions where the lid is refuted."""
-    share = _against(stack.shown)
-    region = refuted(stack)
+    share, region = stack.against, stack.refuted
     filled = ndimage.binary_fill_holes(region) & stack.domain
     # what the views agree on within an opening may be its floor, or an island as high as the lid: both are tried
     holes, _ = ndimage.label(filled & ~region)
@@ -136,12 +147,6 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
         found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
         outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
-
-
-def refuted(stack: Stack) -> NDArray[np.bool_]:
-    """(R, C) cells about which views differ, but for the blur at the face's border."""
-    inner = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
-    return np.asarray(ndimage.binary_closing((_against(stack.shown) > _REFUTED_SHARE) & inner, iterations=2))
 
 
 def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[np.bool_]]:

@@ -118,8 +118,10 @@ class Prism:
     def contains(self, points: Array, margin: float) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) lie within a straight concavity; `margin` as for `signed_distance`."""
         cells, height = self.lattice.coordinates(points)
-        low, high = np.argwhere(self.outline).min(axis=0) - 1, np.argwhere(self.outline).max(axis=0) + 1
-        inside = np.all((cells >= low) & (cells <= high), axis=1) & (np.abs(height) <= self.depth + margin)
+        used = np.argwhere(self.outline)
+        inside = np.all((cells >= used.min(axis=0) - 1) & (cells <= used.max(axis=0) + 1), axis=1) & (
+            np.abs(height) <= self.depth + margin
+        )
         inside[inside] = self.signed_distance(points[inside], margin) < 0
         return np.asarray(inside)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.rays import crossings_of
@@ -36,8 +36,8 @@ def shortened(images: Images, hull: Volume, prism: Prism, margin: float) -> Pris
         return prism
     short = replace(prism, depth=end)
     first, both = hull.without(short, margin), hull.without(prism, margin)
-    old, new, count = disagreements(images, first.scene(), both.scene(), 2 * hull.spacing)
-    on = new <= _GAIN * old if count else pierced
+    old, new, count = said = disagreements(images, first.scene(), both.scene(), 2 * hull.spacing)
+    on = better(said, _GAIN, 1, untold=pierced)
     logger.info(
         "hole through the first wall only (%.4f): views disagree by %.2f, by %.2f if it goes on, %d rays%s%s",
         end, old, new, count, ", open in a part of the hull" if pierced else "", ": it does" if on else "",

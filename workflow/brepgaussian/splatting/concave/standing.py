@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
-from brepgaussian.splatting.concave.openings import Stack, is_framed, refuted
+from brepgaussian.splatting.concave.openings import Stack, is_framed
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
@@ -32,7 +32,7 @@ def around_hubs(stack: Stack, scene: Scene, views: Views, least_area: float) -> 
         least_area: of a recess.
     """
     standing = ndimage.binary_fill_holes(stack.domain) & ~stack.domain
-    open_cells = refuted(stack)
+    open_cells = stack.refuted
     labels, count = ndimage.label(standing)
     beside = ndimage.binary_dilation(open_cells, iterations=_TOUCH_CELLS)
     hubs = [labels == k for k in range(1, count + 1) if (beside & (labels == k)).any()]

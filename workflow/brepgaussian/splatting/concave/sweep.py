@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import Chords, chords_in, contour_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
@@ -77,15 +77,16 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         mesh = hull.mesh()
         scene = Scene(*mesh)
         chords = chords_in(scene, *rays)
+        samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= _LEAST_AREA]
-        cuts = [c for normal in _directions(regions) for c in _possible(chords, _cuts(hull, normal, regions))]
+        cuts = [c for normal in _directions(regions) for c in _possible(chords, samples, _cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(cuts, key=lambda c: -c.volume)[:_MOST_TRIED]:
             opened = hull
             for prism in cut.prisms:
                 opened = opened.without(prism, 0.0)
-            old, new, count = disagreements(images, scene, opened.scene(), 2 * hull.spacing)
-            good = count >= (_LEAST_RAYS_AT_ENDS if cut.at_ends else _LEAST_RAYS) and new <= _GAIN * old
+            old, new, count = said = disagreements(images, scene, opened.scene(), 2 * hull.spacing)
+            good = better(said, _GAIN, _LEAST_RAYS_AT_ENDS if cut.at_ends else _LEAST_RAYS, untold=False)
             logger.info(
                 "%s along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
                 "channel" if len(cut.prisms) == 1 else f"{len(cut.prisms)} channels",
@@ -114,9 +115,8 @@ def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
     return found
 
 
-def _possible(chords: Chords, cuts: list[_Cut]) -> list[_Cut]:
+def _possible(chords: Chords, samples: Array, cuts: list[_Cut]) -> list[_Cut]:
     """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
-    samples = chords.samples()
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
     kept = [c for c in largest if lost_share(chords, c.prisms[0].contains(samples, 0.0)) <= _MOST_LOST]
     ends = [c for c in kept if c.at_ends]

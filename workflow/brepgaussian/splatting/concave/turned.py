@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import planar_regions
@@ -78,8 +78,8 @@ def turn(images: Images, hull: Volume) -> Volume:
                 continue
             opened = section.emptied(ring, hull)
             after = opened.scene()
-            old, new, count = disagreements(images, scene, after, _REACH_VOXELS * hull.spacing)
-            good = count >= _LEAST_RAYS and new <= gain * old
+            old, new, count = said = disagreements(images, scene, after, _REACH_VOXELS * hull.spacing)
+            good = better(said, gain, _LEAST_RAYS, untold=False)
             logger.info(
                 "ring about %s, %d cells: views disagree by %.2f for %.2f of the hull, %d rays%s",
                 np.round(axis.direction, 2).tolist(), ring.sum(), new, old, count, "" if good else ": not believed",

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
-from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
@@ -133,9 +133,10 @@ def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
     """
     if face.bulge < _BLIND_CELLS * hull.spacing:
         return True
-    old, new, count = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
-    agreeable = count < _LEAST_RAYS or new <= _GAIN * old
+    said = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
+    agreeable = better(said, _GAIN, _LEAST_RAYS, untold=True)
     if not agreeable:
+        old, new, count = said
         logger.info(
             "bulge %.4f: views disagree by %.2f for %.2f of the hull, %d rays: kept", face.bulge, new, old, count
         )

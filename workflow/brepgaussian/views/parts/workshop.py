@@ -27,9 +27,9 @@ def gear_blank(s: Sizes) -> Part:
     bore, around = s(6.5), (recess + hub) / 2
     body -= extrude(Circle(bore), BEYOND, both=True)
     body -= Pos(bore, 0, 0) * Box(s(5), s(4), BEYOND)
-    count = s.count(5, 4, 6)
+    count, hole = s.count(5, 4, 6), s(3.2, 0.0)
     for k in range(count):
-        body -= Rot(0, 0, 360 * k / count) * Pos(around, 0, 0) * Cylinder(s(3.2, 0.0), BEYOND)
+        body -= Rot(0, 0, 360 * k / count) * Pos(around, 0, 0) * Cylinder(hole, BEYOND)
     return body
 
 
