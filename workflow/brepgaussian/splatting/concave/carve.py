@@ -42,9 +42,10 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         The opened hull and the concavities.
     """
     known: list[Prism] = []
+    floors: list[Prism] = []  # those that were not looked at yet
     scene = hull.scene()
     for _ in range(_LEVELS):
-        found = told_once(find_prisms(images, scene, hull.spacing, known), known, 2 * hull.spacing)
+        found = told_once(find_prisms(images, scene, hull.spacing, floors), known, 2 * hull.spacing)
         if not found:
             break
         # the far end of a hole may be the floor of what was found before
@@ -55,6 +56,9 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
             known[k] = shortened(images, hull, known[k], margin)
             hull = hull.without(known[k], margin)
         scene = hull.scene()
+        floors = [known[k] for k in fresh]
+        if not floors:
+            break
     for prism in find_curved(images, scene, hull.spacing, known):
         opened = hull.without(prism, _MARGIN_CELLS * hull.spacing)
         after = opened.scene()

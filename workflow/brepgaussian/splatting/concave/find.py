@@ -40,22 +40,22 @@ Array = NDArray[np.float64]
 logger = log.get_logger("stage1")
 
 
-def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
+def find_prisms(images: Images, scene: Scene, cell: float, floors: Sequence[Prism] = ()) -> list[Prism]:
     """Find pockets, blind holes and holes under the planar faces of a hull.
 
     Args:
         images: of all views.
         scene: the hull.
         cell: its resolution.
-        known: concavities that are already carved into the hull. If there are any, only their floors are
+        floors: concavities that are already carved into the hull. If there are any, only their floors are
             looked at: their walls are no lids.
     """
     mesh = scene.vertices, scene.triangles
     footprint = images.views.cameras.footprint()
     found: list[tuple[Prism, float]] = []
     for region in planar_regions(*mesh, 2 * cell):
-        floor = _floor_of(region, known, 2 * cell)
-        if known and floor is None:
+        floor = _floor_of(region, floors, 2 * cell)
+        if floors and floor is None:
             continue
         lattice = region.lattice(*mesh, _PITCH_PIXELS * footprint)
         if np.prod(lattice.shape) > _MAXIMUM_CELLS:
@@ -71,7 +71,7 @@ def find_prisms(images: Images, scene: Scene, cell: float, known: Sequence[Prism
 
 
 def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
-    """Find holes and pockets in the curved faces of a hull. Arguments and results are those of `find_prisms`."""
+    """Find holes and pockets in the curved faces of a hull, clear of those that are `known`; see `find_prisms`."""
     footprint = images.views.cameras.footprint()
     pitch, width = _PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
     free = np.ones(len(scene.vertices), bool)

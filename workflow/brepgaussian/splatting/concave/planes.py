@@ -107,6 +107,7 @@ def _refit(
     tolerance: float,
 ) -> tuple[Array, float, NDArray[np.int64]]:
     offset = 0.0
+    index = np.flatnonzero(free)
     for fit in range(_REFITS):
         if len(members) < 3:
             break
@@ -115,12 +116,12 @@ def _refit(
             height = centers[members] @ normal - offset
             weights = weights * np.where(height > 0, 1 - _BELOW, _BELOW)
         mean = np.average(centers[members], axis=0, weights=weights)
-        spread = (centers[members] - mean) * np.sqrt(weights)[:, None]
-        smallest = np.linalg.svd(spread, full_matrices=False)[2][2]
+        spread = centers[members] - mean
+        smallest = np.linalg.eigh(spread.T @ (weights[:, None] * spread))[1][:, 0]
         normal = smallest * np.sign(smallest @ normal)
         offset = float(mean @ normal)
-        near = np.abs(centers @ normal - offset) < tolerance
-        members = np.flatnonzero(free & near & (normals @ normal > _SAME_DIRECTION))
+        near = index[np.abs(centers[index] @ normal - offset) < tolerance]
+        members = near[normals[near] @ normal > _SAME_DIRECTION]
     return normal, offset, members
 
 

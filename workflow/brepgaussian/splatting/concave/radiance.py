@@ -102,7 +102,7 @@ def differences(
         matrix = np.empty((len(count), size, size))
         matrix[:, rows, columns] = matrix[:, columns, rows] = sums[:, : len(rows)]
         fit = np.linalg.solve(matrix + np.diag(_RIDGE[:size]), sums[:, len(rows) :, None])[..., 0]
-        off = (grey[kept] - (terms * np.repeat(fit, count, axis=0)).sum(axis=1)) / tolerance
+        off = (grey[kept] - np.einsum("ij,ij->i", terms, np.repeat(fit, count, axis=0))) / tolerance
         weight = 1 / (1 + (off / cap) ** 2)
     difference[kept] = np.minimum(np.abs(off), cap)
     return difference, enough

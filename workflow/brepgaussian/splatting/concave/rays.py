@@ -59,10 +59,14 @@ class Rays:
             depth: (N,) cells.
             free: (N,) rays that are free until they leave the part of the hull that they are in.
         """
-        passed = (self.crossings < depth[:, None]).sum(axis=1)
+        passed = np.zeros(len(self), np.int64)
+        for crossing in self.crossings.T:
+            passed += crossing < depth
         within = (passed + self.inside) % 2 == 1
-        ahead = np.column_stack([self.crossings, np.full((len(self), 2), np.inf)])
-        following = ahead[np.arange(len(self)), passed + (within & free)]
+        index = passed + (within & free)
+        known = index < self.crossings.shape[1]
+        following = np.full(len(self), np.inf)
+        following[known] = self.crossings[known, index[known]]
         return np.where(within & ~free, depth, following)
 
 

@@ -47,7 +47,9 @@ class Stack:
         self.views = _spread(sorted(candidate.regions))
         self.normal, self.origin = _mean_plane(candidate)
         self.first, self.second = plane_axes(self.normal)
-        masks = [(patches[v] == candidate.regions[v]).astype(np.uint8) for v in self.views]
+        cut = [_cut_out(patches[v] == candidate.regions[v]) for v in self.views]
+        self._corners = [corner for _, corner in cut]
+        masks = [mask for mask, _ in cut]
         whole = [np.asarray(ndimage.binary_fill_holes(m), np.uint8) for m in masks]
         self.has_holes = any(w.sum() > m.sum() for w, m in zip(whole, masks, strict=True))
         self._exact = [_border_distance(m) for m in masks]
@@ -58,7 +60,7 @@ class Stack:
         distance = self._exact if holes else self._outer
         values = np.zeros((len(rows), len(points)))
         for k, row in enumerate(rows):
-            pixels = self.cameras.project(self.views[row], points)[0].astype(np.float32) - np.float32(0.5)
+            pixels = (self.cameras.project(self.views[row], points)[0] - self._corners[row] - 0.5).astype(np.float32)
             values[k] = cv2.remap(
                 distance[row], pixels[:, :1], pixels[:, 1:], cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_CONSTANT, borderValue=-_REACH_PX,
@@ -221,6 +223,15 @@ def _mean_plane(candidate: Candidate) -> tuple[Array, Array]:
     """Median normal and centre: bulges are in the normals' mean, not in their median."""
     normal = np.median(candidate.normals, axis=0)
     return normal / max(float(np.linalg.norm(normal)), 1e-9), np.median(candidate.points, axis=0)
+
+
+def _cut_out(region: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """The part of an image (H, W) with all that is `_REACH_PX` from a region, and (2,) x, y of its first pixel."""
+    x, y, width, height = cv2.boundingRect(region.astype(np.uint8))
+    margin = int(np.ceil(_REACH_PX)) + 1
+    left, top = max(x - margin, 0), max(y - margin, 0)
+    part = region[top : y + height + margin, left : x + width + margin]
+    return part.astype(np.uint8), np.array([left, top])
 
 
 def _border_distance(mask: NDArray[np.uint8]) -> NDArray[np.float32]:
