@@ -66,7 +66,8 @@ def load() -> ctypes.CDLL:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # waiting threads give way to other jobs on the machine
     library = ctypes.CDLL(str(build_kernel()))
     library.bg_create.restype = ctypes.c_void_p
-    library.bg_pairs.restype = ctypes.c_int64
+    for name in ("bg_pairs", "bg_meet"):
+        getattr(library, name).restype = ctypes.c_int64
     for name in ("bg_dssim", "bg_difference", "bg_distortion", "bg_normal_consistency"):
         getattr(library, name).restype = ctypes.c_double
     return library

@@ -26,7 +26,7 @@ def open_channels(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
 
     Arguments and results are those of `open_concavities`.
     """
-    hull, _ = flatten(images.views, hull)
+    hull, _ = flatten(images, hull)
     hull, channels = straighten(images, hull)
     return turn(images, hull), channels
 

@@ -121,7 +121,7 @@ def _concavities(
     if floor is not None:
         whole = carried(floor.lattice, floor.outline, stack.lattice)
         outlines += beside_islands(stack, whole, regions)
-    hubs = [] if centered else around_hubs(stack, scene, images.views, least)
+    hubs = [] if centered else around_hubs(stack, scene, images, least)
     fits = []
     for outline, above in [*((outline, 0.0) for outline in outlines), *hubs]:
         if outline.any():

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.contours import contour_rays
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 
@@ -44,6 +45,11 @@ class Images:
     def of(views: Views, noise: float = 0.0) -> "Images":
         """Of views whose noise has a standard deviation of `noise` grey levels."""
         return Images(views, views.luminance, max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise))
+
+    @cached_property
+    def contour_rays(self) -> tuple[Array, Array]:
+        """(R, 3) origins and (R, 3) directions of rays just inside of every contour."""
+        return contour_rays(self.views)
 
 
 @dataclass(frozen=True)

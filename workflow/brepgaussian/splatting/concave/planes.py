@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 _MAXIMUM_PLANES = 40  # more planar faces than this are left to the surfels
 _DIRECTION_BINS = 12  # a bin of normals is about 5 degrees wide
 _SAME_DIRECTION = 0.97  # cosine of 14 degrees: marching-cubes normals scatter
+_NEAR_DIRECTION = 0.9  # cosine of 26 degrees: fits turn by less than the difference
 _MINIMUM_AREA = 0.002  # smaller lids hide nothing that a few pixels could show
 _REFITS = 6
 _BELOW = 0.99  # weight of what lies below a plane: a hull touches a face along contours and bulges between them
@@ -107,7 +108,7 @@ def _refit(
     tolerance: float,
 ) -> tuple[Array, float, NDArray[np.int64]]:
     offset = 0.0
-    index = np.flatnonzero(free)
+    index = np.flatnonzero(free & (normals @ normal > _NEAR_DIRECTION))
     for fit in range(_REFITS):
         if len(members) < 3:
             break

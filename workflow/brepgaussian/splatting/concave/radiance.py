@@ -4,10 +4,13 @@ Light that other walls throw back is part of the radiance: it is as fixed as the
 texture that a bare part has.
 """
 
+from ctypes import byref, c_double, c_int64
+
 import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.rays import Rays
+from brepgaussian.splatting.library import load, pointer
 
 Array = NDArray[np.float64]
 
@@ -15,9 +18,8 @@ PLACE_CELLS = 3.0  # side of a place; smaller ones hold too few rays, larger one
 _CAP = 2.0  # tolerances; greater differences (another surface is in the way) count no more than this
 _REWEIGHTINGS = 2
 _LEAST_RAYS = {1: 3, 4: 8}  # of a place, before it says anything, by the number of its coefficients
-_RIDGE = (1e-3, 0.3, 0.3, 0.3)  # in rays; a place in which few rays lie is even
+_RIDGE = np.array([1e-3, 0.3, 0.3, 0.3])  # in rays; a place in which few rays lie is even
 LEAST_PASSING = 20  # rays, before a hole goes through
-_LID, _WALL, _FLOOR, _BEHIND = 0, 1, 2, 3
 
 
 def disagreement(
@@ -45,20 +47,21 @@ def disagreement(
         A ray through which background is seen although something is in its way, or the other way round, differs
         as much as a ray can.
     """
-    kind = np.where(exit_depth < 0, _LID, np.where(exit_depth < depth, _WALL, _FLOOR))
-    sunk = rays.met(np.clip(exit_depth, 0, depth), (kind == _FLOOR) & through)
-    sunk[kind == _LID] = rays.entry[kind == _LID]
-    kind[(sunk > np.minimum(exit_depth, depth)) & (kind != _LID)] = _BEHIND
-    empty, background = np.isinf(sunk), rays.grey < 0
-    against = np.where(empty & background, 0.0, _CAP)
-    if through and ((kind != _LID) & (sunk > depth) & (empty == background)).sum() < LEAST_PASSING:
-        return np.full(len(rays), _CAP), np.ones(len(rays), bool)
-    told = empty | background
-    surface = ~told
-    where = np.column_stack([rays.start + np.where(empty, 0, sunk)[:, None] * rays.sideways, sunk, kind])[surface]
-    place = np.floor(where / [side, side, side, 1]).astype(np.int64)
-    local = where[:, :3] / side - place[:, :3] - 0.5
-    against[surface], told[surface] = differences(place, local[:, : 0 if even else 3], rays.grey[surface], tolerance)
+    count = len(rays)
+    against, told, surface = np.empty(count), np.empty(count, bool), np.empty(count, np.int64)
+    place, local, passing = np.empty((count, 4), np.int64), np.empty((count, 3)), c_int64()
+    rows = [np.ascontiguousarray(a) for a in (rays.start, rays.sideways, rays.grey, rays.entry)]
+    below = [np.ascontiguousarray(a) for a in (rays.crossings, rays.inside, exit_depth)]
+    found = load().bg_meet(
+        c_int64(count), *map(pointer, rows), c_int64(rays.crossings.shape[1]), *map(pointer, below),
+        c_double(depth), int(through), c_double(side), c_double(_CAP),
+        *map(pointer, (against, told, surface, place, local)), byref(passing),
+    )  # fmt: skip
+    if through and passing.value < LEAST_PASSING:
+        return np.full(count, _CAP), np.ones(count, bool)
+    index = surface[:found]
+    local = local[:found, : 0 if even else 3]
+    against[index], told[index] = differences(place[:found], local, rays.grey[index], tolerance)
     return against, told
 
 
@@ -77,32 +80,12 @@ def differences(
     Returns:
         (N,) capped difference in tolerances, and (N,) whether the place has enough rays to say anything.
     """
-    code = np.zeros(len(place), np.int64)
-    for column in place.T:
-        column = column - column.min(initial=0)
-        code = code * (int(column.max(initial=0)) + 1) + column
-    order = np.argsort(code, kind="stable")
-    starts = np.flatnonzero(np.diff(code[order], prepend=-1))
-    count = np.diff(np.append(starts, len(code)))
-    enough = np.zeros(len(grey), bool)
-    size = 1 + local.shape[1]
-    enough[order] = np.repeat(count >= _LEAST_RAYS[size], count)
-    difference = np.full(len(grey), cap)
-    kept = order[enough[order]]
-    count = count[count >= _LEAST_RAYS[size]]
-    if not len(count):
-        return difference, enough
-    starts = np.cumsum(count) - count
-    terms = np.column_stack([np.ones(len(kept)), local[kept]])
-    rows, columns = np.triu_indices(size)
-    moments = np.column_stack([terms[:, rows] * terms[:, columns], terms * grey[kept, None]])  # (M, 14)
-    weight = np.ones(len(kept))
-    for _ in range(_REWEIGHTINGS + 1):
-        sums = np.add.reduceat(moments * weight[:, None], starts)
-        matrix = np.empty((len(count), size, size))
-        matrix[:, rows, columns] = matrix[:, columns, rows] = sums[:, : len(rows)]
-        fit = np.linalg.solve(matrix + np.diag(_RIDGE[:size]), sums[:, len(rows) :, None])[..., 0]
-        off = (grey[kept] - np.einsum("ij,ij->i", terms, np.repeat(fit, count, axis=0))) / tolerance
-        weight = 1 / (1 + (off / cap) ** 2)
-    difference[kept] = np.minimum(np.abs(off), cap)
+    place, local, grey = (np.ascontiguousarray(a, t) for a, t in ((place, np.int64), (local, float), (grey, float)))
+    terms = 1 + local.shape[1]
+    difference, enough = np.empty(len(grey)), np.empty(len(grey), bool)
+    load().bg_differences(
+        c_int64(len(grey)), place.shape[1], pointer(place), terms, pointer(local), pointer(grey),
+        c_double(tolerance), c_double(cap), c_int64(_LEAST_RAYS[terms]), pointer(_RIDGE), _REWEIGHTINGS,
+        pointer(difference), pointer(enough),
+    )  # fmt: skip
     return difference, enough

@@ -1,5 +1,6 @@
 """Rays through an opening: where they enter, how they walk sideways as they sink, where they meet a wall or leave."""
 
+from ctypes import c_double, c_int64
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import ndimage
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.library import load, pointer
 
 Array = NDArray[np.float64]
 
@@ -151,20 +153,11 @@ def exits(
         draft: how far it shrinks for each cell of depth.
         sink: how far it shrinks at most, cells: a countersunk hole is straight from there on.
     """
-    clear = -signed_outline(outline) + grow  # (R, C) positive inside
-    speed = np.maximum(np.linalg.norm(rays.sideways, axis=1), _SLOWEST) + max(draft, 0.0)
+    clear = np.ascontiguousarray(grow - signed_outline(outline))  # (R, C) positive inside
+    start, sideways = np.ascontiguousarray(rays.start), np.ascontiguousarray(rays.sideways)
     depth = rays.entry.copy()
-    left = np.arange(len(rays))
-    for step in range(_STEPS):
-        position = rays.start[left] + depth[left, None] * rays.sideways[left]
-        room = ndimage.map_coordinates(clear, position.T, order=1, mode="nearest") - np.minimum(
-            draft * depth[left], sink
-        )
-        if step == 0:
-            depth[room < 0] = -1.0
-        going = (room > _REACHED) & (depth[left] < deepest)
-        left, room = left[going], room[going]
-        if not len(left):
-            break
-        depth[left] += room / speed[left]
-    return np.minimum(depth, deepest)
+    load().bg_exits(
+        c_int64(len(rays)), pointer(start), pointer(sideways), pointer(clear), *map(c_int64, clear.shape),
+        *map(c_double, (deepest, draft, sink, _SLOWEST, _REACHED)), _STEPS, pointer(depth),
+    )  # fmt: skip
+    return depth

@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
-from brepgaussian.splatting.concave.openings import Stack, is_framed
+from brepgaussian.splatting.concave.contours import chords_in, lost_share
+from brepgaussian.splatting.concave.openings import Images, Stack, is_framed
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
@@ -20,7 +19,7 @@ _HIGHEST = 0.5  # unit frame, that a hub stands out of its rim
 _MOST_LOST = 0.01  # share of the rays through what fills the corner that it may leave with nothing
 
 
-def around_hubs(stack: Stack, scene: Scene, views: Views, least_area: float) -> list[tuple[Outline, float]]:
+def around_hubs(stack: Stack, scene: Scene, images: Images, least_area: float) -> list[tuple[Outline, float]]:
     """Outlines (R, C) of recesses without what stands in them, and how high the hull stands over each.
 
     What stands there is as wide as the hull some way up, so several outlines of one recess are to try.
@@ -28,7 +27,7 @@ def around_hubs(stack: Stack, scene: Scene, views: Views, least_area: float) -> 
     Args:
         stack: what the views show on the rim's plane.
         scene: the hull.
-        views: whose silhouettes have to stay filled.
+        images: whose silhouettes have to stay filled.
         least_area: of a recess.
     """
     standing = ndimage.binary_fill_holes(stack.domain) & ~stack.domain
@@ -52,16 +51,16 @@ def around_hubs(stack: Stack, scene: Scene, views: Views, least_area: float) -> 
             outline = recess & ~_section(stack, scene, foot, share * top)
             if (outline & stack.domain).sum() * stack.lattice.pitch**2 >= least_area:
                 found.append((outline, top))
-    return _filling(found, stack, scene, views)
+    return _filling(found, stack, scene, images)
 
 
 def _filling(
-    found: list[tuple[Outline, float]], stack: Stack, scene: Scene, views: Views
+    found: list[tuple[Outline, float]], stack: Stack, scene: Scene, images: Images
 ) -> list[tuple[Outline, float]]:
     """Those over which nothing stands that silhouettes show."""
     if not found:
         return []
-    chords = chords_in(scene, *contour_rays(views))
+    chords = chords_in(scene, *images.contour_rays)
     samples = chords.samples()
     over = [Prism(stack.lattice, outline, 0.0, False, 0.0).contains(samples, top) for outline, top in found]
     return [pair for pair, removed in zip(found, over, strict=True) if lost_share(chords, removed) <= _MOST_LOST]

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
-from brepgaussian.splatting.concave.contours import Chords, chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
@@ -71,12 +71,11 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
     Returns:
         The hull and what was cut.
     """
-    rays = contour_rays(images.views)
     done: list[Prism] = []
     for _ in range(_MOST_CUTS):
         mesh = hull.mesh()
         scene = Scene(*mesh)
-        chords = chords_in(scene, *rays)
+        chords = chords_in(scene, *images.contour_rays)
         samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= _LEAST_AREA]
         cuts = [c for normal in _directions(regions) for c in _possible(chords, samples, _cuts(hull, normal, regions))]

@@ -7,8 +7,8 @@ filled without it.
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.artifacts.views import Views
-from brepgaussian.splatting.concave.contours import chords_in, contour_rays, loss
+from brepgaussian.splatting.concave.contours import chords_in, loss
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import planar_regions
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
@@ -19,11 +19,11 @@ _LEAST_AREA = 0.03  # bulges on smaller faces are low; strips of cylinders are s
 _MOST_LOST = 0.002  # share of the rays that a half-space touches
 
 
-def flatten(views: Views, hull: Volume) -> tuple[Volume, list[tuple[Array, float]]]:
+def flatten(images: Images, hull: Volume) -> tuple[Volume, list[tuple[Array, float]]]:
     """Cut a hull at the planes of its outer faces.
 
     Args:
-        views: silhouettes and cameras.
+        images: of all views.
         hull: what they leave.
 
     Returns:
@@ -31,7 +31,7 @@ def flatten(views: Views, hull: Volume) -> tuple[Volume, list[tuple[Array, float
     """
     field, origin, spacing = hull.field, hull.origin, hull.spacing
     vertices, triangles = hull.mesh()
-    chords = chords_in(Scene(vertices, triangles), *contour_rays(views))
+    chords = chords_in(Scene(vertices, triangles), *images.contour_rays)
     cuts: list[tuple[Array, float]] = []
     for region in planar_regions(vertices, triangles, 2 * spacing):
         if region.area(vertices, triangles) < _LEAST_AREA:

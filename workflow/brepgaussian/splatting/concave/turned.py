@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
-from brepgaussian.splatting.concave.contours import chords_in, contour_rays, lost_share
+from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import planar_regions
 from brepgaussian.splatting.concave.prism import plane_axes
@@ -68,7 +68,7 @@ def turn(images: Images, hull: Volume) -> Volume:
     if axis is None:
         return hull
     scene = Scene(*mesh)
-    chords = chords_in(scene, *contour_rays(images.views))
+    chords = chords_in(scene, *images.contour_rays)
     points = chords.samples()
     passes = [(share, False, _GAIN) for share in _EMPTIEST] + [(_ONE_SIDED_EMPTIEST, True, _ONE_SIDED_GAIN)]
     for share, one_sided, gain in passes:

@@ -48,7 +48,7 @@ class Stack:
         self.normal, self.origin = _mean_plane(candidate)
         self.first, self.second = plane_axes(self.normal)
         cut = [_cut_out(patches[v] == candidate.regions[v]) for v in self.views]
-        self._corners = [corner for _, corner in cut]
+        self._corners = np.array([corner for _, corner in cut]).reshape(-1, 2)  # (R, 2)
         masks = [mask for mask, _ in cut]
         whole = [np.asarray(ndimage.binary_fill_holes(m), np.uint8) for m in masks]
         self.has_holes = any(w.sum() > m.sum() for w, m in zip(whole, masks, strict=True))
@@ -58,14 +58,22 @@ class Stack:
     def sample(self, points: Array, rows: NDArray[np.int64], holes: bool) -> Array:
         """(R, N) distance in px inside the face's border (or inside the outer one, without holes), negative outside."""
         distance = self._exact if holes else self._outer
-        values = np.zeros((len(rows), len(points)))
-        for k, row in enumerate(rows):
-            pixels = (self.cameras.project(self.views[row], points)[0] - self._corners[row] - 0.5).astype(np.float32)
-            values[k] = cv2.remap(
-                distance[row], pixels[:, :1], pixels[:, 1:], cv2.INTER_LINEAR,
+        values = np.zeros((len(rows), len(points)), np.float32)
+        for k, (row, pixels) in enumerate(zip(rows, self._pixels(points, rows), strict=True)):
+            cv2.remap(
+                distance[row], pixels[0, :, None], pixels[1, :, None], cv2.INTER_LINEAR, values[k, :, None],
                 borderMode=cv2.BORDER_CONSTANT, borderValue=-_REACH_PX,
-            )[:, 0]  # fmt: skip
-        return values
+            )  # fmt: skip
+        return values.astype(np.float64)
+
+    def _pixels(self, points: Array, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(R, 2, N) x and y of points in the windows of some rows."""
+        views = np.array(self.views)[rows]
+        pose, intrinsics = self.cameras.cam_from_unit[views], self.cameras.intrinsics[views]
+        camera = pose[:, :3, :3] @ points.T + pose[:, :3, 3:]  # (R, 3, N)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixels = intrinsics[:, :2, None] * camera[:, :2] / camera[:, 2:] + intrinsics[:, 2:, None]
+        return (pixels - self._corners[rows][:, :, None] - 0.5).astype(np.float32)
 
     def visible(self, points: Array, scene: Scene | None) -> NDArray[np.bool_]:
         """(V, N) whether each view sees points of the plane, past what stands out of it by more than a bulge."""
