@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
-from brepgaussian.splatting.concave import Images, Prism, open_channels, open_concavities
+from brepgaussian.splatting.concave import Images, Prism, open_channels, open_concavities, open_corners
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import Face, flatten_faces, round_edges
 from brepgaussian.splatting.library import load, pointer
@@ -110,6 +110,7 @@ def carve(
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
+            volume, _ = open_corners(images, volume, [-face.lattice.normal for face in faces])
             volume, more = open_concavities(images, volume)
             prisms += more
     vertices, triangles = volume.mesh()

@@ -7,8 +7,9 @@ show the floor. See `docs/splatting.md`.
 """
 
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities
+from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 
-__all__ = ["Images", "Prism", "find_prisms", "open_channels", "open_concavities"]
+__all__ = ["Images", "Prism", "find_prisms", "open_channels", "open_concavities", "open_corners"]

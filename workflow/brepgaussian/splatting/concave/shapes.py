@@ -73,8 +73,7 @@ class Opening:
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
         self._scores: dict[tuple[Shape, bool], tuple[float, float]] = {}
         self.keep_clear(None)
-        places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
-        self._units = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+        self._units = _units(rays)
 
     def costs(self, shape: Shape, even: bool = False) -> Costs:
         """(N,) disagreement of the rays, (N,) which of them are told."""
@@ -150,8 +149,23 @@ class Opening:
 
     def advantage(self, costs: Costs, other: Costs) -> float:
         """By how many standard errors the rays that both shapes tell of disagree less on the other."""
-        less = np.bincount(self._units, np.where(costs[1] & other[1], costs[0] - other[0], 0.0))
-        return float(less.sum() / max(float(np.sqrt((less**2).sum())), _NOTHING))
+        return _advantage(self._units, costs, other)
+
+
+def advantage(rays: Rays, costs: Costs, other: Costs) -> float:
+    """By how many standard errors rays that both surfaces tell of disagree less on the other."""
+    return _advantage(_units(rays), costs, other)
+
+
+def _units(rays: Rays) -> NDArray[np.int64]:
+    """(N,) groups of rays that err together."""
+    places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
+    return np.unique(places, axis=0, return_inverse=True)[1].ravel()
+
+
+def _advantage(units: NDArray[np.int64], costs: Costs, other: Costs) -> float:
+    less = np.bincount(units, np.where(costs[1] & other[1], costs[0] - other[0], 0.0))
+    return float(less.sum() / max(float(np.sqrt((less**2).sum())), _NOTHING))
 
 
 def summary(against: Array, told: NDArray[np.bool_]) -> tuple[float, float]:

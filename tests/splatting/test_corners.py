@@ -1,0 +1,56 @@
+"""Corners between ribs: a hull spans the ribs' edges with a lid; under it there are two floors."""
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.truth import read_truth
+from brepgaussian.artifacts.views import read_views
+from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave.corners import Corner
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.hull import carve
+from brepgaussian.views.stage import make_views
+from build123d import Align, Box, Plane, Polyline, Pos, export_step, extrude, make_face
+
+
+def rendered(tmp_path, part):
+    """Views and truth of a solid, 30 views of 400 px."""
+    export_step(part, tmp_path / "part.step")
+    settings = ViewsSettings(rendered_views=30, image_size=400)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
+    return read_views(files["out_views"]), read_truth(files["out_truth"])
+
+
+@pytest.mark.parametrize("thick", [5, 12])
+def test_the_corner_between_two_webs_is_opened_down_to_both_floors(tmp_path, thick):
+    low = (Align.MIN, Align.MIN, Align.MIN)
+    web = extrude(Plane.XZ * make_face(Polyline((5, 5), (28, 5), (5, 28), close=True)), amount=-thick)
+    body = Box(34, 50, 6, align=low) + Box(6, 50, 34, align=low) + web + Pos(0, 50 - thick, 0) * web
+    views, truth = rendered(tmp_path, body)
+    near = 1.5  # of each floor, and of a web
+    inside = np.array([[6 + near, 25, 15], [15, 25, 6 + near], [9, thick + near, 9]])
+    beyond = np.array([[6 - near, 25, 15], [15, 25, 6 - near], [9, thick - near, 9]])
+    distance = [
+        Scene(hull.vertices, hull.triangles).signed_distance(truth.mesh_vertices.min(axis=0) + points / 50)
+        for hull in (carve(views, 96, 1, False)[0], carve(views, 96, 1, True)[0])
+        for points in (inside, beyond)
+    ]
+    assert (distance[0] < 0).all()  # silhouettes do not show it
+    assert (distance[2] > 0).all()
+    assert (distance[3] < 0).all()
+
+
+def test_a_corner_is_cut_out_of_what_lies_over_its_floors_and_under_its_lid():
+    slanted = np.array([1.0, 0, 1]) / np.sqrt(2)
+    normals = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    corner = Corner((slanted, 1.0), normals, np.array([0.4, 0.3, 0.2, -0.7]))
+    spacing = 1 / 40
+    full = Volume(np.full((41, 41, 41), 0.1, np.float32), np.zeros(3), spacing)
+    x, y, z = np.stack(np.meshgrid(*[spacing * np.arange(41)] * 3, indexing="ij"))
+    under = (x + z) / np.sqrt(2) < 1.0 + spacing
+    inside = (x > 0.4) & (z > 0.3) & (y > 0.2) & (y < 0.7)
+    left = corner.cut_out(full, spacing)
+    assert np.array_equal((left.field < 0)[1:-1, 1:-1, 1:-1], (under & inside)[1:-1, 1:-1, 1:-1])
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    assert np.array_equal(corner.contains(points), inside.ravel())

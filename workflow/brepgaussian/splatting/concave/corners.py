@@ -1,0 +1,231 @@
+"""Corners between ribs: what ribs on both sides hide from silhouettes lies over two floors that meet, not over one.
+
+A hull spans the ribs' edges with a flat lid. Under it there is room down to two planes, from rib to rib.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.openings import Images, Stack, rectify
+from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
+from brepgaussian.splatting.concave.radiance import PLACE_CELLS, disagreement
+from brepgaussian.splatting.concave.rays import Rays, gather
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shapes import SURE, Costs, advantage, summary
+from brepgaussian.splatting.concave.volume import Volume
+
+Array = NDArray[np.float64]
+
+_PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
+_LEAST_WIDTH_PIXELS = 14.0  # of an opening; the corner under a narrower one is left to what has one floor
+_OPENING_CELLS = 3  # a narrower part of a refuted region is blur
+_RAYS, _FEW_RAYS = 60_000, 10_000
+_FACING = (0.15, 0.985)  # cosines between a lid and a floor under it
+_ALONG = 0.1  # sine of the angle between a lid and the edge in which the floors meet
+_BETWEEN = 0.1  # least share of each floor's normal in the lid's
+_PARALLEL = 0.996  # cosine of 5 degrees: a piece of a face in the hull may lean so from the face's other side
+_DEPTHS = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9])  # under a lid, in the opening's widths, where no face is known
+_DEEPEST = 1.5  # opening's widths that a floor lies under it; a face that lies deeper is another one
+_LEAST_FLOOR = 0.15  # of a lid's area is seen of a floor elsewhere
+_MOST_TRIED = 6  # openings, largest first
+_TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
+_STEP, _FINEST = 4.0, 0.25  # cells by which planes are moved
+_GAIN = 0.75  # of the disagreement on the lid is left at most
+_MOST_AGAINST = 0.2  # share of rays that contradict it
+
+logger = log.get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class Corner:
+    """The room under a lid where normals @ x > offsets.
+
+    Attributes:
+        lid: its plane's outward unit normal (3,) and offset.
+        normals: (4, 3) unit: of the two floors, of the two ends; offsets: (4,).
+    """
+
+    lid: tuple[Array, float]
+    normals: Array
+    offsets: Array
+
+    def exits(self, stack: Stack, rays: Rays) -> Array:
+        """(N,) depths in cells at which rays meet a floor or an end, -1 for those that enter beside it."""
+        lattice = stack.lattice
+        axes = np.stack([lattice.first, lattice.second])
+        at = self.normals @ lattice.origin - self.offsets  # (4,)
+        at = at + (rays.start + 0.5) * lattice.pitch @ (axes @ self.normals.T)  # (N, 4) above each plane
+        slope = lattice.pitch * (rays.sideways @ (axes @ self.normals.T) - self.normals @ lattice.normal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = np.where(slope < 0, -at / slope, np.inf).min(axis=1)
+        return np.where((at > 0).all(axis=1), depth, -1.0)
+
+    def contains(self, points: Array) -> NDArray[np.bool_]:
+        """(N,) whether points (N, 3) lie over its floors and between its ends."""
+        return np.asarray((points @ self.normals.T > self.offsets).all(axis=1))
+
+    def cut_out(self, hull: Volume, margin: float) -> Volume:
+        """A hull without it; it reaches above its lid by `margin`."""
+        grid = np.meshgrid(*(hull.origin[k] + hull.spacing * np.arange(n) for k, n in enumerate(hull.field.shape)),
+                           indexing="ij", sparse=True)  # fmt: skip
+        normal, offset = self.lid
+        outside = sum(n * g for n, g in zip(normal, grid, strict=True)) - offset - margin
+        for normal, offset in zip(self.normals, self.offsets, strict=True):
+            outside = np.maximum(outside, offset - sum(n * g for n, g in zip(normal, grid, strict=True)))
+        return hull.with_field(np.minimum(hull.field, outside.astype(np.float32)))
+
+
+class _Sought:
+    """The rays through one opening, and what they cost."""
+
+    def __init__(self, stack: Stack, rays: Rays, every: int, tolerance: float) -> None:
+        self.stack, self.rays, self.tolerance = stack, rays, tolerance
+        self.side = PLACE_CELLS * min(np.sqrt(every / max(len(rays), 1)), 2.5)
+
+    def costs(self, corner: Corner) -> Costs:
+        exits = corner.exits(self.stack, self.rays)
+        return disagreement(self.rays, exits, np.inf, self.tolerance, side=self.side)
+
+    def closed(self) -> Costs:
+        lid = np.full(len(self.rays), -1.0)
+        return disagreement(self.rays, lid, 0.0, self.tolerance, side=self.side)
+
+    def refined(self, corner: Corner) -> Corner:
+        """The corner with its planes moved to where views agree best, in ever smaller steps."""
+        step = _STEP
+        best, cost = corner, summary(*self.costs(corner))[0]
+        while step >= _FINEST:
+            before = cost
+            for k in range(len(corner.offsets)):
+                for move in (step, -step):
+                    offsets = best.offsets.copy()
+                    offsets[k] += move * self.stack.lattice.pitch
+                    moved = Corner(best.lid, best.normals, offsets)
+                    value = summary(*self.costs(moved))[0]
+                    if value < cost:
+                        best, cost = moved, value
+            step = step / 2 if cost == before else step
+        return best
+
+
+@dataclass(frozen=True)
+class _Floor:
+    """A plane that may go on under a lid: its outward normal (3,), and where it is seen (3,), None if nowhere."""
+
+    normal: Array
+    seen: Array | None
+
+
+def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> tuple[Volume, list[Corner]]:
+    """Carve the corners between ribs.
+
+    Args:
+        images: of all views.
+        hull: what silhouettes leave, faces flattened.
+        backs: directions (3,) into the solid from its outer faces; a floor is parallel to one or seen elsewhere.
+
+    Returns:
+        The opened hull and the corners.
+    """
+    mesh = hull.mesh()
+    scene = Scene(*mesh)
+    footprint = images.views.cameras.footprint()
+    regions = planar_regions(*mesh, 2 * hull.spacing)
+    sought = []
+    for lid in regions:
+        floors = _floors(lid, [r for r in regions if r.area(*mesh) >= _LEAST_FLOOR * lid.area(*mesh)], backs, mesh)
+        if not floors or lid.area(*mesh) < (_LEAST_WIDTH_PIXELS * footprint) ** 2:
+            continue
+        stack = rectify(images, scene, lid.lattice(*mesh, _PITCH_PIXELS * footprint))
+        sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
+    found: list[Corner] = []
+    largest = sorted(sought, key=lambda s: -s[3].sum() * s[2].lattice.pitch ** 2)[:_MOST_TRIED]
+    for lid, floors, stack, outline in largest:
+        cells = stack.lattice.centers()[outline]
+        if any(c.contains(cells).mean() > _TOLD_ONCE for c in found):
+            continue
+        corner = _measured(images, stack, scene, outline, [c for pair in floors for c in _starts(lid, pair, cells)])
+        if corner is not None:
+            found.append(corner)
+    for corner in found:
+        hull = corner.cut_out(hull, 2 * hull.spacing)
+    return hull, found
+
+
+def _floors(
+    lid: PlanarRegion,
+    faces: Sequence[PlanarRegion],
+    backs: Sequence[Array],
+    mesh: tuple[Array, NDArray[np.int64]],
+) -> list[tuple[_Floor, _Floor]]:
+    """Pairs of planes that may be the floors under a lid."""
+    planes = [_Floor(normal, None) for normal in backs]
+    for face in faces:
+        alike = [normal for normal in backs if normal @ face.normal > _PARALLEL]
+        planes.append(_Floor(alike[0] if alike else face.normal, mesh[0][mesh[1][face.triangles]].mean(axis=(0, 1))))
+    facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
+    pairs = []
+    for first, second in combinations(facing, 2):
+        edge = np.cross(first.normal, second.normal)
+        length = float(np.linalg.norm(edge))
+        if length < _FACING[0] or abs(edge @ lid.normal) > _ALONG * length:
+            continue
+        share = np.linalg.lstsq(np.column_stack([first.normal, second.normal]), lid.normal, rcond=None)[0]
+        if share.min() > _BETWEEN:
+            pairs.append((first, second))
+    return pairs
+
+
+def _wide_openings(stack: Stack, footprint: float) -> Iterator[NDArray[np.bool_]]:
+    """(R, C) parts of a lid that views refute."""
+    labels, count = ndimage.label(ndimage.binary_opening(stack.refuted, iterations=_OPENING_CELLS))
+    for k in range(1, count + 1):
+        outline = ndimage.binary_fill_holes(labels == k) & stack.domain
+        if outline.sum() * stack.lattice.pitch**2 >= (_LEAST_WIDTH_PIXELS * footprint) ** 2:
+            yield outline
+
+
+def _starts(lid: PlanarRegion, pair: tuple[_Floor, _Floor], cells: Array) -> Iterator[Corner]:
+    """Corners over two floors under cells (N, 3) of a lid: where the floors are seen, or at some depths."""
+    edge = np.cross(pair[0].normal, pair[1].normal)
+    edge /= np.linalg.norm(edge)
+    across = cells @ np.cross(edge, lid.normal)
+    width = float(across.max() - across.min())
+    normals = np.stack([pair[0].normal, pair[1].normal, edge, -edge])
+    ends = (cells @ normals[2:].T).min(axis=0)
+    offsets = []
+    for plane in pair:
+        top = float((cells @ plane.normal).max())
+        heights = top - _DEPTHS * width if plane.seen is None else np.array([plane.normal @ plane.seen])
+        offsets.append(heights[(heights < top) & (heights > top - _DEEPEST * width)])
+    for first, second in product(*offsets):
+        yield Corner((lid.normal, lid.offset), normals, np.array([first, second, *ends]))
+
+
+def _measured(
+    images: Images, stack: Stack, scene: Scene, outline: NDArray[np.bool_], starts: Sequence[Corner]
+) -> Corner | None:
+    """The best corner under an opening, or None if the rays don't tell one."""
+    if not starts:
+        return None
+    every = gather(stack, outline, images.views.cameras.centers, scene)
+    few = _Sought(stack, every.sample(_FEW_RAYS), len(every), images.tolerance)
+    full = _Sought(stack, every.sample(_RAYS), len(every), images.tolerance)
+    best = full.refined(few.refined(min(starts, key=lambda c: summary(*few.costs(c))[0])))
+    closed, costs = full.closed(), full.costs(best)
+    old, (new, error) = summary(*closed)[0], summary(*costs)
+    good = advantage(full.rays, closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
+    logger.info(
+        "corner under a lid of area %.4f, normal %s, floors %s and %s: views disagree by %.2f for %.2f, "
+        "%.0f %% of rays against it%s",
+        outline.sum() * stack.lattice.pitch**2,
+        *(np.round(n, 2).tolist() for n in (best.lid[0], *best.normals[:2])),
+        new, old, 100 * error, "" if good else ": not believed",
+    )  # fmt: skip
+    return best if good else None
