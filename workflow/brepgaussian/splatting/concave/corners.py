@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
+from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
 from brepgaussian.splatting.concave.radiance import PLACE_CELLS, disagreement
@@ -27,16 +28,18 @@ _LEAST_WIDTH_PIXELS = 14.0  # of an opening; the corner under a narrower one is 
 _OPENING_CELLS = 3  # a narrower part of a refuted region is blur
 _RAYS, _FEW_RAYS = 60_000, 10_000
 _FACING = (0.15, 0.985)  # cosines between a lid and a floor under it
+_LEAST_ANGLE = 0.5  # sine of the angle between the floors
 _ALONG = 0.1  # sine of the angle between a lid and the edge in which the floors meet
 _BETWEEN = 0.1  # least share of each floor's normal in the lid's
 _PARALLEL = 0.996  # cosine of 5 degrees: a piece of a face in the hull may lean so from the face's other side
 _DEPTHS = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9])  # under a lid, in the opening's widths, where no face is known
 _DEEPEST = 1.5  # opening's widths that a floor lies under it; a face that lies deeper is another one
 _LEAST_FLOOR = 0.15  # of a lid's area is seen of a floor elsewhere
+_MOST_REFUTED = 0.3  # of a face that is a floor; of a hull's skin between faces views refute most
 _MOST_TRIED = 6  # openings, largest first
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _STEP, _FINEST = 4.0, 0.25  # cells by which planes are moved
-_GAIN = 0.75  # of the disagreement on the lid is left at most
+_GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
 _MOST_AGAINST = 0.2  # share of rays that contradict it
 
 logger = log.get_logger("stage1")
@@ -137,13 +140,15 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> tuple[
     scene = Scene(*mesh)
     footprint = images.views.cameras.footprint()
     regions = planar_regions(*mesh, 2 * hull.spacing)
+    wide = [region for region in regions if region.area(*mesh) >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
+    stacks = [rectify(images, scene, region.lattice(*mesh, _PITCH_PIXELS * footprint)) for region in wide]
+    believed = [r for r, s in zip(wide, stacks, strict=True) if s.refuted.sum() <= _MOST_REFUTED * s.domain.sum()]
     sought = []
-    for lid in regions:
-        floors = _floors(lid, [r for r in regions if r.area(*mesh) >= _LEAST_FLOOR * lid.area(*mesh)], backs, mesh)
-        if not floors or lid.area(*mesh) < (_LEAST_WIDTH_PIXELS * footprint) ** 2:
-            continue
-        stack = rectify(images, scene, lid.lattice(*mesh, _PITCH_PIXELS * footprint))
-        sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
+    for lid, stack in zip(wide, stacks, strict=True):
+        faces = [face for face in believed if face.area(*mesh) >= _LEAST_FLOOR * lid.area(*mesh)]
+        floors = _floors(lid, faces, backs, mesh)
+        if floors:
+            sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
     found: list[Corner] = []
     largest = sorted(sought, key=lambda s: -s[3].sum() * s[2].lattice.pitch ** 2)[:_MOST_TRIED]
     for lid, floors, stack, outline in largest:
@@ -174,7 +179,7 @@ def _floors(
     for first, second in combinations(facing, 2):
         edge = np.cross(first.normal, second.normal)
         length = float(np.linalg.norm(edge))
-        if length < _FACING[0] or abs(edge @ lid.normal) > _ALONG * length:
+        if length < _LEAST_ANGLE or abs(edge @ lid.normal) > _ALONG * length:
             continue
         share = np.linalg.lstsq(np.column_stack([first.normal, second.normal]), lid.normal, rcond=None)[0]
         if share.min() > _BETWEEN:
@@ -220,7 +225,8 @@ def _measured(
     best = full.refined(few.refined(min(starts, key=lambda c: summary(*few.costs(c))[0])))
     closed, costs = full.closed(), full.costs(best)
     old, (new, error) = summary(*closed)[0], summary(*costs)
-    good = advantage(full.rays, closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
+    told = advantage(full.rays, closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
+    good = told and new / old <= _left_by_one_floor(images, stack, scene, outline, old)
     logger.info(
         "corner under a lid of area %.4f, normal %s, floors %s and %s: views disagree by %.2f for %.2f, "
         "%.0f %% of rays against it%s",
@@ -229,3 +235,9 @@ def _measured(
         new, old, 100 * error, "" if good else ": not believed",
     )  # fmt: skip
     return best if good else None
+
+
+def _left_by_one_floor(images: Images, stack: Stack, scene: Scene, outline: NDArray[np.bool_], closed: float) -> float:
+    """Share of the disagreement on a lid that the best concavity with one floor leaves."""
+    prism = measure(stack, outline, images.views.cameras.centers, scene, images.tolerance)
+    return 1.0 if prism is None else 1 - prism[1] / (closed * float(prism[0].outline.sum()))
