@@ -167,3 +167,10 @@ def test_more_samples_than_opencv_maps_have_rows():
     image = np.random.default_rng(3).random((50, 40), np.float32)
     x, y = np.arange(70_000) % 39 + 0.0, np.arange(70_000) % 49 + 0.0
     assert np.array_equal(_at(image, x, y), image[y.astype(int), x.astype(int)])
+
+
+def test_no_rays_meet_nothing():
+    box, none = Scene(BOX, np.array(SIDES)), np.zeros((0, 3))
+    assert [len(found) for found in box.intersections(none, none)] == [0, 0]  # Open3D crashes on them
+    assert [len(found) for found in box.hits(none, none)] == [0, 0]
+    assert len(box.distances(none, none)) == len(box.occluded(none, none)) == len(box.signed_distance(none)) == 0

@@ -25,6 +25,8 @@ class Scene:
 
     def signed_distance(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """(N,) distances of (N, 3) points, negative inside."""
+        if not len(points):
+            return np.zeros(0, np.float32)
         return self._scene.compute_signed_distance(_tensor(points, np.float32)).numpy()
 
     def occluded(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -43,6 +45,8 @@ class Scene:
         self, origins: NDArray[np.floating], directions: NDArray[np.floating]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(N,) distance to the first crossing of rays with the mesh, infinite where there is none; (N, 3) normals."""
+        if not len(origins):
+            return np.zeros(0, np.float32), np.zeros((0, 3), np.float32)
         found = self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))
         return found["t_hit"].numpy(), found["primitive_normals"].numpy()
 
@@ -50,6 +54,8 @@ class Scene:
         self, origins: NDArray[np.floating], directions: NDArray[np.floating]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """(H,) ray and (H,) distance of every crossing of (N, 3) rays with the mesh, in the order of the rays."""
+        if not len(origins):  # Open3D crashes without rays
+            return np.zeros(0, np.int64), np.zeros(0)
         found = self._scene.list_intersections(_tensor(np.column_stack([origins, directions]), np.float32))
         return found["ray_ids"].numpy().astype(np.int64), found["t_hit"].numpy().astype(np.float64)
 
