@@ -217,7 +217,7 @@ def triangle(width, height, wall):
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 72
+    assert len(PARTS) == 75
     assert len(held_out) * 3 >= len(PARTS)
 
 

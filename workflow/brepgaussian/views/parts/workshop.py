@@ -1,12 +1,16 @@
 """Bundled parts of an ordinary machine: wheels, braces, bodies and rails, made for scoring only."""
 
+from math import cos, pi
+
 from build123d import (
     Axis,
     Box,
     Circle,
+    Cone,
     Cylinder,
     Part,
     Pos,
+    RegularPolygon,
     Rot,
     SlotOverall,
     chamfer,
@@ -129,3 +133,46 @@ def crank_web(s: Sizes) -> Part:
     body -= Pos((apart + large - small) / 2, 0, thick - s(4)) * pocket
     body -= Cylinder(bore, BEYOND)
     return body - Pos(apart, 0, 0) * Cylinder(hole, BEYOND)
+
+
+def shelf_bracket(s: Sizes) -> Part:
+    """An angle with two triangular ribs away from its ends, holes between and beside them."""
+    long, leg, high, thick, rib = s(64), s(38), s(42), s(6), s(5)
+    body = profile((0, 0), (leg, 0), (leg, thick), (thick, thick), (thick, high), (0, high), depth=long)
+    inner = thick * 0.8
+    side = profile((inner, inner), (leg * 0.9, inner), (inner, high * 0.8), depth=rib)
+    away, hole = long * 0.22, s(2.8)
+    low = body.bounding_box().min
+    for y in (-away, away):
+        body += Pos(low.X + inner - side.bounding_box().min.X, y, low.Z + inner - side.bounding_box().min.Z) * side
+    for y in (-0.38 * long, 0.0, 0.38 * long):
+        body -= Pos(low.X + leg * 0.6, y, 0) * Cylinder(hole, BEYOND)
+    return body - Pos(0, 0, low.Z + high * 0.65) * Rot(0, 90, 0) * Cylinder(s(5), BEYOND)
+
+
+def pipe_saddle(s: Sizes) -> Part:
+    """Half a ring between two ears with a hole each, its inner edges chamfered."""
+    outer, wall, width, ear, thick = s(21), s(5), s(22), s(14), s(6)
+    edge = s(1.2)
+    body = Cylinder(outer, width) + Pos(0, thick / 2, 0) * Box(2 * (outer + ear), thick, width)
+    body -= Pos(0, -BEYOND / 2, 0) * Box(BEYOND, BEYOND, BEYOND)
+    inner, half = outer - wall, width / 2
+    body -= Cylinder(inner, BEYOND)
+    for turned in (0, 180):
+        body -= Rot(turned, 0, 0) * Pos(0, 0, half - edge / 2) * Cone(inner, inner + edge, edge)
+    for x in (-1, 1):
+        body -= Pos(x * (outer + ear * 0.55), 0, 0) * Rot(90, 0, 0) * Cylinder(s(3.2, 0.0), BEYOND)
+    return body
+
+
+def bleed_screw(s: Sizes) -> Part:
+    """A hexagonal head, a shank with a relief and a conical point, a blind bore that a radial hole meets."""
+    apothem, head, shank, long, point = s(11), s(9), s(8), s(34), s(7)
+    relief, groove = s(6), s(5)
+    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), head)
+    end = -long
+    neck = (relief, head / 2), (relief, -groove), (shank, -groove)
+    body += turn((0, head / 2), *neck, (shank, end + point), (relief / 2, end), (0, end))
+    deep = head + long * 0.5
+    body -= Pos(0, 0, head - deep) * Cylinder(s(3), BEYOND, align=BOTTOM)
+    return body - Pos(0, 0, head - deep * 0.85) * Rot(0, 90, 0) * Cylinder(s(1.9), BEYOND, align=BOTTOM)
