@@ -88,33 +88,38 @@ def concave_samples(truth: Truth, depth: float = 0.01) -> NDArray[np.bool_]:
     A face counts as concave when its median sample is more than `depth` inside of the hull; silhouettes
     often do not show such faces.
     """
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(truth.mesh_vertices)
-    inside = -(truth.points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    inside = _depth_in_hull(truth, truth.points)
     faces = np.unique(truth.point_face)
     deep = {face: np.median(inside[truth.point_face == face]) > depth for face in faces}
     return np.array([deep[face] for face in truth.point_face], bool)
+
+
+def _depth_in_hull(truth: Truth, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) how deep points (N, 3) lie inside of the truth's convex hull."""
+    from scipy.spatial import ConvexHull
+
+    planes = ConvexHull(truth.mesh_vertices).equations  # (F, 4); a ball has tens of thousands
+    parts = np.array_split(points, -(-len(points) * len(planes) // _MOST_PRODUCTS) or 1)
+    return np.concatenate([-(part @ planes[:, :3].T + planes[:, 3]).max(axis=1) for part in parts])
 
 
 COLUMNS = (
     "object method mean p95 normal_median_deg completeness_p95 concave_mean concave_recall edge_median "
     "inner_edge_recall seconds peak_mb"
 ).split()
+_MOST_PRODUCTS = 20_000_000  # of points and planes at a time: 160 MB
 _CURVE_GAP = 0.0075  # farther samples are no neighbours on a curve (they are .005 apart)
 INNER_EDGE_DISTANCE = 0.005  # an inner edge sample is recalled when an edge point lies this near, unit frame
 
 
 def edge_quality(evidence: Evidence, truth: Truth) -> tuple[float | None, float | None]:
     """Median distance of 3D edge points to the true sharp curves, and recall of those off the convex hull."""
-    from scipy.spatial import ConvexHull, cKDTree
+    from scipy.spatial import cKDTree
 
     if len(evidence.edge_points) == 0 or len(truth.curve_points) == 0:
         return None, None
     distance = cKDTree(_dense(truth)).query(evidence.edge_points)[0]
-    hull = ConvexHull(truth.mesh_vertices)
-    depth = -(truth.curve_points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
-    inner = truth.curve_points[depth > INNER_EDGE_DISTANCE]
+    inner = truth.curve_points[_depth_in_hull(truth, truth.curve_points) > INNER_EDGE_DISTANCE]
     if len(inner) == 0:
         return float(np.median(distance)), None
     found = cKDTree(evidence.edge_points).query(inner)[0]
