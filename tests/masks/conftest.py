@@ -6,22 +6,12 @@ import pytest
 from brepgaussian.artifacts.truth import Truth
 from brepgaussian.artifacts.views import Views
 from brepgaussian.geometry.cameras import Cameras
+from poses import look_at
 
 SIZE = 160
 EYES = np.array([[2.2, 1.6, 1.9], [-1.3, 1.8, 1.7], [1.9, -1.2, -0.8]])
 GREYS = np.array([90.0, 118.0, 150.0, 176.0, 205.0, 232.0])
 EXTENT = np.array([1.0, 0.7, 0.5])
-
-
-def look_at(eye: np.ndarray) -> np.ndarray:
-    forward = 0.5 - eye
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0, 0, 1.0])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, -rotation @ eye
-    return pose
 
 
 def box_faces() -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -25,6 +25,7 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.TopAbs import TopAbs_VERTEX
+from poses import look_at
 
 WORLD_FROM_UNIT = np.array([[0, -40.0, 0, 5], [40.0, 0, 0, -3], [0, 0, 40.0, 100], [0, 0, 0, 1]])
 HALF_SIZE, FOCAL = 48, 150.0  # px; the object fills most of the view
@@ -82,16 +83,11 @@ def write_step(shape: Any, path: Path) -> None:
     writer.Write(str(path))
 
 
-def look_at(count: int) -> Cameras:
+def ring_of_cameras(count: int) -> Cameras:
     """Cameras on a ring around the object, looking at its centre."""
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    for pose, angle in zip(poses, np.linspace(0.3, 6.0, count), strict=True):
-        eye = 0.5 + 2.4 * np.array([np.cos(angle) * 0.8, np.sin(angle) * 0.8, 0.6])
-        forward = (0.5 - eye) / np.linalg.norm(0.5 - eye)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        pose[:3, :3] = [right, np.cross(forward, right), forward]
-        pose[:3, 3] = -pose[:3, :3] @ eye
+    angles = np.linspace(0.3, 6.0, count)
+    eyes = 0.5 + 2.4 * np.column_stack([np.cos(angles) * 0.8, np.sin(angles) * 0.8, np.full(count, 0.6)])
+    poses = np.array([look_at(eye) for eye in eyes])
     size = 2 * HALF_SIZE
     return Cameras(np.tile([FOCAL, FOCAL, HALF_SIZE, HALF_SIZE], (count, 1)), poses, size, size)
 
@@ -134,7 +130,7 @@ def write_object(folder: Path, result: Any = None, truth_shape: Any = None, view
     """Write every artifact; `result` is the shape in `brep.step`, by default the truth itself."""
     truth_shape = truth_shape if truth_shape is not None else drilled_plate()
     result = result if result is not None else truth_shape
-    truth, cameras, files = truth_of(truth_shape), look_at(views), Files(folder)
+    truth, cameras, files = truth_of(truth_shape), ring_of_cameras(views), Files(folder)
     ids, images = render(truth, cameras)
     by = Provenance("plate", "test")
     Views(

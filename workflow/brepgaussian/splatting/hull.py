@@ -110,7 +110,7 @@ def carve(
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
-            volume, _ = open_corners(images, volume, [-face.lattice.normal for face in faces])
+            volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
             volume, more = open_concavities(images, volume)
             prisms += more
     vertices, triangles = volume.mesh()

@@ -14,18 +14,18 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
-from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
-from brepgaussian.splatting.concave.radiance import PLACE_CELLS, disagreement
+from brepgaussian.splatting.concave.planes import PlanarRegion, lattice_over, planar_regions
+from brepgaussian.splatting.concave.radiance import disagreement
 from brepgaussian.splatting.concave.rays import Rays, gather
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.shapes import SURE, Costs, advantage, summary
+from brepgaussian.splatting.concave.shapes import SURE, Costs, advantage, on_lid, place_side, summary, units_of
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 
-_PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
 _LEAST_WIDTH_PIXELS = 14.0  # of an opening; the corner under a narrower one is left to what has one floor
 _OPENING_CELLS = 3  # a narrower part of a refuted region is blur
+_MOST_PLACE_CELLS = 7.5  # side of a place, where few rays need large ones
 _RAYS, _FEW_RAYS = 60_000, 10_000
 _FACING = (0.15, 0.985)  # cosines between a lid and a floor under it
 _LEAST_ANGLE = 0.5  # sine of the angle between the floors
@@ -89,15 +89,14 @@ class _Sought:
 
     def __init__(self, stack: Stack, rays: Rays, every: int, tolerance: float) -> None:
         self.stack, self.rays, self.tolerance = stack, rays, tolerance
-        self.side = PLACE_CELLS * min(np.sqrt(every / max(len(rays), 1)), 2.5)
+        self.side = place_side(every, len(rays), _MOST_PLACE_CELLS)
 
     def costs(self, corner: Corner) -> Costs:
         exits = corner.exits(self.stack, self.rays)
         return disagreement(self.rays, exits, np.inf, self.tolerance, side=self.side)
 
     def closed(self) -> Costs:
-        lid = np.full(len(self.rays), -1.0)
-        return disagreement(self.rays, lid, 0.0, self.tolerance, side=self.side)
+        return on_lid(self.rays, self.tolerance, self.side)
 
     def refined(self, corner: Corner) -> Corner:
         """The corner with its planes moved to where views agree best, in ever smaller steps."""
@@ -125,7 +124,7 @@ class _Floor:
     seen: Array | None
 
 
-def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> tuple[Volume, list[Corner]]:
+def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume:
     """Carve the corners between ribs.
 
     Args:
@@ -134,19 +133,23 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> tuple[
         backs: directions (3,) into the solid from its outer faces; a floor is parallel to one or seen elsewhere.
 
     Returns:
-        The opened hull and the corners.
+        The opened hull.
     """
     mesh = hull.mesh()
     scene = Scene(*mesh)
     footprint = images.views.cameras.footprint()
-    regions = planar_regions(*mesh, 2 * hull.spacing)
-    wide = [region for region in regions if region.area(*mesh) >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
-    stacks = [rectify(images, scene, region.lattice(*mesh, _PITCH_PIXELS * footprint)) for region in wide]
-    believed = [r for r, s in zip(wide, stacks, strict=True) if s.refuted.sum() <= _MOST_REFUTED * s.domain.sum()]
+    regions = [(region, region.area(*mesh)) for region in planar_regions(*mesh, 2 * hull.spacing)]
+    wide = [(region, area) for region, area in regions if area >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
+    stacks = [rectify(images, scene, lattice_over(region, mesh, footprint)) for region, _ in wide]
+    seen = [
+        (_seen(region, backs, mesh), area)
+        for (region, area), stack in zip(wide, stacks, strict=True)
+        if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum()
+    ]
     sought = []
-    for lid, stack in zip(wide, stacks, strict=True):
-        faces = [face for face in believed if face.area(*mesh) >= _LEAST_FLOOR * lid.area(*mesh)]
-        floors = _floors(lid, faces, backs, mesh)
+    for (lid, area), stack in zip(wide, stacks, strict=True):
+        large = [floor for floor, size in seen if size >= _LEAST_FLOOR * area]
+        floors = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *large])
         if floors:
             sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
     found: list[Corner] = []
@@ -158,22 +161,18 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> tuple[
         corner = _measured(images, stack, scene, outline, [c for pair in floors for c in _starts(lid, pair, cells)])
         if corner is not None:
             found.append(corner)
-    for corner in found:
-        hull = corner.cut_out(hull, 2 * hull.spacing)
-    return hull, found
+            hull = corner.cut_out(hull, 2 * hull.spacing)
+    return hull
 
 
-def _floors(
-    lid: PlanarRegion,
-    faces: Sequence[PlanarRegion],
-    backs: Sequence[Array],
-    mesh: tuple[Array, NDArray[np.int64]],
-) -> list[tuple[_Floor, _Floor]]:
+def _seen(face: PlanarRegion, backs: Sequence[Array], mesh: tuple[Array, NDArray[np.int64]]) -> _Floor:
+    """The floor that a face is a part of, parallel to an outer face if it is about so."""
+    alike = [normal for normal in backs if normal @ face.normal > _PARALLEL]
+    return _Floor(alike[0] if alike else face.normal, mesh[0][mesh[1][face.triangles]].mean(axis=(0, 1)))
+
+
+def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, _Floor]]:
     """Pairs of planes that may be the floors under a lid."""
-    planes = [_Floor(normal, None) for normal in backs]
-    for face in faces:
-        alike = [normal for normal in backs if normal @ face.normal > _PARALLEL]
-        planes.append(_Floor(alike[0] if alike else face.normal, mesh[0][mesh[1][face.triangles]].mean(axis=(0, 1))))
     facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
     pairs = []
     for first, second in combinations(facing, 2):
@@ -225,7 +224,7 @@ def _measured(
     best = full.refined(few.refined(min(starts, key=lambda c: summary(*few.costs(c))[0])))
     closed, costs = full.closed(), full.costs(best)
     old, (new, error) = summary(*closed)[0], summary(*costs)
-    told = advantage(full.rays, closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
+    told = advantage(units_of(full.rays), closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
     good = told and new / old <= _left_by_one_floor(images, stack, scene, outline, old)
     logger.info(
         "corner under a lid of area %.4f, normal %s, floors %s and %s: views disagree by %.2f for %.2f, "

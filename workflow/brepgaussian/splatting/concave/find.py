@@ -20,13 +20,11 @@ from brepgaussian.splatting.concave.openings import (
     openings,
     rectify,
 )
-from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
+from brepgaussian.splatting.concave.planes import PITCH_PIXELS, PlanarRegion, lattice_over, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.standing import around_hubs
 
-_MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
-_PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
@@ -57,10 +55,7 @@ def find_prisms(images: Images, scene: Scene, cell: float, floors: Sequence[Pris
         floor = _floor_of(region, floors, 2 * cell)
         if floors and floor is None:
             continue
-        lattice = region.lattice(*mesh, _PITCH_PIXELS * footprint)
-        if np.prod(lattice.shape) > _MAXIMUM_CELLS:
-            coarser = lattice.pitch * np.sqrt(np.prod(lattice.shape) / _MAXIMUM_CELLS)
-            lattice = region.lattice(*mesh, coarser)
+        lattice = lattice_over(region, mesh, footprint)
         if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
             found += _concavities(images, scene, rectify(images, scene, lattice), floor=floor)
 
@@ -73,7 +68,7 @@ def find_prisms(images: Images, scene: Scene, cell: float, floors: Sequence[Pris
 def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
     """Find holes and pockets in the curved faces of a hull, clear of those that are `known`; see `find_prisms`."""
     footprint = images.views.cameras.footprint()
-    pitch, width = _PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
+    pitch, width = PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
     free = np.ones(len(scene.vertices), bool)
     for region in planar_regions(scene.vertices, scene.triangles, 2 * cell):
         free[scene.triangles[region.triangles].ravel()] = False

@@ -9,6 +9,8 @@ from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 
 Array = NDArray[np.float64]
 
+PITCH_PIXELS = 1.25  # a cell a little larger than a pixel's footprint
+_MAXIMUM_CELLS = 160_000  # per plane: a larger plane gets a coarser lattice
 _MAXIMUM_PLANES = 40  # more planar faces than this are left to the surfels
 _DIRECTION_BINS = 12  # a bin of normals is about 5 degrees wide
 _SAME_DIRECTION = 0.97  # cosine of 14 degrees: marching-cubes normals scatter
@@ -41,6 +43,14 @@ class PlanarRegion:
         rows, columns = np.ceil((high - low) / pitch).astype(int)
         origin = low[0] * first + low[1] * second + self.offset * self.normal
         return Lattice(origin, first, second, self.normal, pitch, (int(rows), int(columns)))
+
+
+def lattice_over(region: PlanarRegion, mesh: tuple[Array, NDArray[np.int64]], footprint: float) -> Lattice:
+    """A lattice over a region of a mesh about as fine as pixels of a `footprint` see it."""
+    lattice = region.lattice(*mesh, PITCH_PIXELS * footprint)
+    if np.prod(lattice.shape) > _MAXIMUM_CELLS:
+        lattice = region.lattice(*mesh, lattice.pitch * float(np.sqrt(np.prod(lattice.shape) / _MAXIMUM_CELLS)))
+    return lattice
 
 
 def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: float) -> list[PlanarRegion]:

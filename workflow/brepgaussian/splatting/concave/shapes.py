@@ -65,15 +65,14 @@ class Opening:
         self.face = float(every.entry.max())  # the deepest that the face lies below the lattice
         self.shallowest = self.face + SHALLOWEST
         self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
-        # fewer rays need larger places to agree in
-        self.side = min(PLACE_CELLS * np.sqrt(len(every) / max(len(rays), 1)), _MOST_PLACE_CELLS)
+        self.side = place_side(len(every), len(rays), _MOST_PLACE_CELLS)
         self.holed = (rays.grey < 0).sum() >= LEAST_PASSING or breaks
         self.deepest = ends[-1]
         self.price = 0.0  # of each doubling of the depth
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
         self._scores: dict[tuple[Shape, bool], tuple[float, float]] = {}
         self.keep_clear(None)
-        self._units = _units(rays)
+        self._units = units_of(rays)
 
     def costs(self, shape: Shape, even: bool = False) -> Costs:
         """(N,) disagreement of the rays, (N,) which of them are told."""
@@ -121,8 +120,7 @@ class Opening:
 
     def closed(self) -> float:
         """Disagreement on the lid, were there no concavity."""
-        lid = np.full(len(self.rays), -1.0)
-        against, told = disagreement(self.rays, lid, 0.0, self.tolerance, side=self.side)
+        against, told = on_lid(self.rays, self.tolerance, self.side)
         return summary(against, told & self._counted)[0]
 
     def rim_cost(self, shape: Shape) -> float:
@@ -149,21 +147,27 @@ class Opening:
 
     def advantage(self, costs: Costs, other: Costs) -> float:
         """By how many standard errors the rays that both shapes tell of disagree less on the other."""
-        return _advantage(self._units, costs, other)
+        return advantage(self._units, costs, other)
 
 
-def advantage(rays: Rays, costs: Costs, other: Costs) -> float:
-    """By how many standard errors rays that both surfaces tell of disagree less on the other."""
-    return _advantage(_units(rays), costs, other)
+def place_side(every: int, count: int, most: float) -> float:
+    """Side in cells of the places in which `count` of all rays agree: fewer rays need larger ones."""
+    return float(min(PLACE_CELLS * np.sqrt(every / max(count, 1)), most))
 
 
-def _units(rays: Rays) -> NDArray[np.int64]:
+def on_lid(rays: Rays, tolerance: float, side: float) -> Costs:
+    """The costs of rays where there is no opening."""
+    return disagreement(rays, np.full(len(rays), -1.0), 0.0, tolerance, side=side)
+
+
+def units_of(rays: Rays) -> NDArray[np.int64]:
     """(N,) groups of rays that err together."""
     places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
     return np.unique(places, axis=0, return_inverse=True)[1].ravel()
 
 
-def _advantage(units: NDArray[np.int64], costs: Costs, other: Costs) -> float:
+def advantage(units: NDArray[np.int64], costs: Costs, other: Costs) -> float:
+    """By how many standard errors the rays of units (N,) that both shapes tell of disagree less on the other."""
     less = np.bincount(units, np.where(costs[1] & other[1], costs[0] - other[0], 0.0))
     return float(less.sum() / max(float(np.sqrt((less**2).sum())), _NOTHING))
 

@@ -142,9 +142,9 @@ def shelf_bracket(s: Sizes) -> Part:
     inner = thick * 0.8
     side = profile((inner, inner), (leg * 0.9, inner), (inner, high * 0.8), depth=rib)
     away, hole = long * 0.22, s(2.8)
-    low = body.bounding_box().min
+    low, foot = body.bounding_box().min, side.bounding_box().min
     for y in (-away, away):
-        body += Pos(low.X + inner - side.bounding_box().min.X, y, low.Z + inner - side.bounding_box().min.Z) * side
+        body += Pos(low.X + inner - foot.X, y, low.Z + inner - foot.Z) * side
     for y in (-0.38 * long, 0.0, 0.38 * long):
         body -= Pos(low.X + leg * 0.6, y, 0) * Cylinder(hole, BEYOND)
     return body - Pos(0, 0, low.Z + high * 0.65) * Rot(0, 90, 0) * Cylinder(s(5), BEYOND)
