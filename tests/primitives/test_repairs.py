@@ -79,6 +79,15 @@ def test_edge_values_decide_where_geometry_cannot():
     assert kept == {"rounded": 2, "fillet": 3}
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_large_fillet_is_a_face_whatever_edges_the_images_show(seed):
+    rng = np.random.default_rng(seed)
+    points = cloud([*two_walls(rng, 0.07), strip(rng, 0.07, "rounded")], rng, sigma=0.001)
+    found = [p.surface for p in primitives_of(points, DEFAULT).items]
+    assert [s.kind for s in found] == ["plane", "plane", "cylinder"]
+    assert found[2].radius == pytest.approx(0.07, abs=0.01)
+
+
 def test_chamfer_pieces_of_one_cone_become_one_primitive():
     rng = np.random.default_rng(2)
     whole = cone(np.full(3, 0.5), Z, 0.45, np.pi / 4)

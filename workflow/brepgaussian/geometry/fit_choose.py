@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from brepgaussian.geometry.fit_refine import PARAMETERS
 from brepgaussian.geometry.fit_robust import fit_robust, residuals
 from brepgaussian.geometry.fit_start import MINIMUM
+from brepgaussian.geometry.independence import observations, own_share, shared_errors
 from brepgaussian.geometry.surfaces import KINDS, Surface
 
 Array = NDArray[np.float64]
@@ -22,6 +23,9 @@ EFFECTIVE = 20  # independent observations in a patch: surfel error is smooth, s
 # apart (`brep.profiles`), where up to 1.6 they are a torus, which does.
 UNEXPLAINED = 1.6
 KEPT = 0.9  # share of the points that judges a fit: wrong labels must not choose the kind
+JUDGED = 40  # points from which a patch may speak about the noise
+CUT = 3.5  # noises beyond which a point is a stray
+TRIMMED = 0.789  # root mean square of the smallest 90 % of Gaussian magnitudes, in sigma
 # What a kind costs in parameters: its own number, more for the sphere, which mechanical parts seldom have
 # and which imitates any narrow band of a cone, more for the torus, which imitates any bulging cylinder.
 PRICE = {**{k: float(v) for k, v in PARAMETERS.items()}, "sphere": 6.5, "torus": 9.0}
@@ -67,7 +71,7 @@ def choose(
     sigma: float,
     kinds: Sequence[str] = KINDS,
     normal_sigma: float = NORMAL_NOISE,
-    effective: int = EFFECTIVE,
+    own: float = 0.0,
     initial: Sequence[Surface] = (),
     rng: np.random.Generator | None = None,
     reach: float = np.inf,
@@ -86,7 +90,7 @@ def choose(
         sigma: noise of the points (distance that is not worth explaining).
         kinds: the kinds tried.
         normal_sigma: noise of the normals, radians.
-        effective: most independent observations that the points count for.
+        own: share of the errors that is every point's own (`independence.own_share`), where it is so for the best kind.
         initial: further starts of any kind (a neighbour's axis, the surface of an earlier round).
         rng: as in `fit_robust`.
         reach: largest believable radius (the size of the object).
@@ -95,7 +99,9 @@ def choose(
         ValueError: no kind could be fitted.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    count = min(len(points), effective)
+    own = own if len(points) >= JUDGED else 0.0
+    count = observations(len(points), own, EFFECTIVE)
+    known = noise_floors(sigma, normal_sigma, np.zeros((1, 2)), count)
     found: dict[str, tuple[float, Surface, Mask]] = {}
     for kind in sorted(kinds, key=lambda k: PRICE[k]):
         if len(points) < max(MINIMUM[kind], PARAMETERS[kind]):
@@ -108,17 +114,20 @@ def choose(
                 surface, mask = fit_robust(kind, points, normals, sigma, initial=start, rng=rng)
             except (ValueError, np.linalg.LinAlgError):
                 continue
-            if not plausible(surface, points, reach):
+            if not plausible(surface, points, reach, own):
                 continue
-            cost = description_length(surface, points, normals, sigma, normal_sigma, effective)
+            cost = description_length(surface, points, normals, *known, effective=count)
             if kind not in found or cost < found[kind][0]:
                 found[kind] = cost, surface, mask
     if not found:
         raise ValueError(f"{len(points)} points determine none of {', '.join(kinds)}")
     spreads = np.array([misfit(f[1], points, normals) for f in found.values()])
-    noise = np.maximum([sigma, normal_sigma], UNEXPLAINED * spreads.min(axis=0))
-    floors = float(noise[0]), float(noise[1])
-    costs = {k: description_length(f[1], points, normals, *floors, effective=effective) for k, f in found.items()}
+    if own > 0:
+        surface = list(found.values())[int(np.argmin(spreads.prod(axis=1)))][1]
+        own = min(own, own_share(*shared_errors(surface, points, CUT * max(surface.rms(points), sigma))))
+        count = observations(len(points), own, EFFECTIVE)
+    floors = noise_floors(sigma, normal_sigma, spreads, count)
+    costs = {k: description_length(f[1], points, normals, *floors, effective=count) for k, f in found.items()}
     best = min(found, key=lambda k: (costs[k], PRICE[k]))
     _, surface, mask = found[best]
     near = mask if mask.any() else np.ones(len(points), bool)
@@ -132,7 +141,7 @@ def description_length(
     normals: Array,
     sigma: float,
     normal_sigma: float = NORMAL_NOISE,
-    effective: int = EFFECTIVE,
+    effective: float = EFFECTIVE,
 ) -> float:
     """Bayesian information criterion with noise floors: n log(s^2 / sigma^2) + n log(a^2 / normal_sigma^2) + k log n.
 
@@ -145,6 +154,24 @@ def description_length(
     )
 
 
+def noise_floors(sigma: float, normal_sigma: float, misfits: Array, effective: float) -> tuple[float, float]:
+    """Distance and angle (`misfit`) below which residuals earn nothing.
+
+    Smooth errors may make of them anything up to the noise and `UNEXPLAINED` times what the best kind leaves. The more
+    observations are independent, the less is left to chance: the noise as a `misfit` shows it, and what the best kind
+    leaves.
+
+    Args:
+        sigma, normal_sigma: noise of the points and of their normals.
+        misfits: (K, 2) of the kinds.
+        effective: number of independent observations.
+    """
+    slow = min(EFFECTIVE / effective, 1.0)
+    known, left = TRIMMED + slow * (1 - TRIMMED), 1 + slow * (UNEXPLAINED - 1)
+    floors = np.maximum(known * np.array([sigma, normal_sigma]), left * misfits.min(axis=0))
+    return float(floors[0]), float(floors[1])
+
+
 def price(surface: Surface) -> float:
     """What a surface costs in parameters: `PRICE`, more for a cone that is nearly a cylinder or a plane."""
     shallow = surface.kind == "cone" and not SHALLOW < surface.angle < np.pi / 2 - SHALLOW
@@ -152,7 +179,7 @@ def price(surface: Surface) -> float:
 
 
 def data_length(
-    surface: Surface, points: Array, normals: Array, sigma: float, normal_sigma: float, count: int
+    surface: Surface, points: Array, normals: Array, sigma: float, normal_sigma: float, count: float
 ) -> float:
     """The part of `description_length` that the residuals of `count` independent observations make."""
     far, turned = misfit(surface, points, normals)
@@ -166,8 +193,11 @@ def misfit(surface: Surface, points: Array, normals: Array) -> tuple[float, floa
     return _spread(distance), _spread(turn)
 
 
-def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
-    """False for surfaces that no part has: nearly flat, a radius beyond `reach`, a needle or disc of a cone."""
+def plausible(surface: Surface, points: Array, reach: float = np.inf, own: float = 0.0) -> bool:
+    """False for surfaces that no part has: nearly flat, a radius beyond `reach`, a needle or disc of a cone.
+
+    A share `own` of the errors is every point's own; smooth ones make a bore taper.
+    """
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.minor]).all():
         return False
@@ -178,7 +208,7 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf) -> bool:
     if surface.kind == "torus":
         ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
         return ring and surface.minor < 10 * extent and not _is_flat_ring(surface, points)
-    if surface.kind == "cone" and not _tapers(surface, points):
+    if surface.kind == "cone" and not _tapers(surface, points, LEAST_TAPER * (1 - own)):
         return False
     if surface.kind == "sphere" and _is_band(surface, points):
         return False
@@ -210,11 +240,11 @@ def _is_flat_ring(torus: Surface, points: Array) -> bool:
     return bool(arc < NARROW_RING and torus.minor * arc**2 / 8 < LEAST_ARC)
 
 
-def _tapers(cone: Surface, points: Array) -> bool:
-    """Whether a cone is no disc, and no cylinder whose points are off by a little more at one end."""
+def _tapers(cone: Surface, points: Array, least: float) -> bool:
+    """Whether a cone is no disc, and no cylinder whose points are off by a little (`least`) more at one end."""
     if cone.angle >= DISC:
         return False
-    return bool(cone.angle > SLENDER or np.tan(cone.angle) * np.ptp(points @ cone.axis) > LEAST_TAPER)
+    return bool(cone.angle > SLENDER or np.tan(cone.angle) * np.ptp(points @ cone.axis) > least)
 
 
 def _flat(turn: float, points: Array) -> bool:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from brepgaussian.geometry.fit import inliers, residuals
+from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE
 from brepgaussian.log import get_logger
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners
+from brepgaussian.primitives.fitting import FACE_PRICE, errors
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, observations, owners, trimmed_rms
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
@@ -24,6 +26,8 @@ DOUBTFUL = 0.4  # share of such points from which a patch may be superfluous:
 PEAKED = 0.25  # edge values decide by their rank correlation with the angle from the neighbours,
 EXPLAINED = 0.65  # and where they do not, the share
 LARGER = 2.0  # times as many points as the patch that a neighbour must have
+STANDS_OFF = 0.012  # unit frame: no rounding of an edge by the hull (two voxels of it) stands off its faces by more
+OUTERMOST = 0.9  # quantile of the distances that tells it
 TOUCHING = 3  # neighbour pairs that make two patches adjacent
 
 
@@ -49,9 +53,23 @@ def _superfluous(patch: Patch, neighbours: list[Patch], cloud: Cloud, noise: Noi
     share = float(np.any(near, axis=0).mean())
     if share < DOUBTFUL:
         return False
-    turn = np.min([residuals(n.surface, xyz, normals)[1] for n in larger], axis=0)
+    distance, turn = np.min([residuals(n.surface, xyz, normals) for n in larger], axis=0)
+    if np.quantile(distance, OUTERMOST) > STANDS_OFF:
+        return False
     peak = rank_correlation(cloud.edge[patch.members], turn)
-    return share > EXPLAINED if abs(peak) < PEAKED else peak > 0
+    if abs(peak) >= PEAKED:
+        return peak > 0
+    return share > EXPLAINED and not _told_apart(patch, larger, cloud, noise)
+
+
+def _told_apart(patch: Patch, larger: list[Patch], cloud: Cloud, noise: Noise) -> bool:
+    """Whether independent errors, which round nothing off, show a face of its own; smooth ones cannot."""
+    count = observations(patch, cloud, noise)
+    if count <= EFFECTIVE:
+        return False
+    own, others = (errors(parts, patch.members, cloud, noise)[:2] for parts in ([patch], larger))
+    excess = [max(trimmed_rms(o), 1.0) / max(trimmed_rms(p), 1.0) for o, p in zip(others, own, strict=True)]
+    return bool(2 * count * np.log(np.prod(excess)) > (PRICE[patch.surface.kind] + FACE_PRICE) * np.log(count))
 
 
 def rank_correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:

@@ -16,7 +16,7 @@ from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.guided import ALONG, Known
 from brepgaussian.primitives.merging import EQUAL_COUNT, misfit
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, spreads, thinned
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, observations, spreads, thinned
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ def _gain(surface: Surface, pieces: list[Patch], choices: int, cloud: Cloud, noi
     length = (FAMILY_PRICE[surface.kind] - PIECE_PRICE * len(pieces)) * np.log(EFFECTIVE) + 2 * np.log(choices)
     for piece in pieces:
         points, normals = cloud.xyz[piece.members], cloud.normals[piece.members]
-        count = min(len(points), EFFECTIVE)
+        count = observations(piece, cloud, noise)
         floors = max(noise.distance, piece.rms), max(noise.turn, piece.turn)
         length += data_length(surface, points, normals, *floors, count=count)
         length -= data_length(piece.surface, points, normals, *floors, count=count)

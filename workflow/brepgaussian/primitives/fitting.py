@@ -6,7 +6,8 @@ import numpy as np
 
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.fit import Choice, choose, inliers, ransac
-from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE
+from brepgaussian.geometry.fit_choose import CUT, EFFECTIVE, JUDGED, PRICE
+from brepgaussian.geometry.independence import own_share, shared_errors
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.patches import (
@@ -27,8 +28,8 @@ log = get_logger("primitives")
 
 SIMPLE = ("plane", "cylinder")
 TURN_FLOOR, TURN_CEILING = np.radians(0.5), np.radians(12.0)  # believable noise of normals
-JUDGED = 40  # points from which a label may speak about the noise
 POOR = 1.5  # noises: a fit beyond it may hold two faces
+SMOOTHEST = 0.8  # quantile of the errors' correlation: where a fifth errs smoothly, the points are reconstructed
 SMOOTH = 0.001  # unit frame; curved faces err smoothly by that, even where planes that are known make the noise less
 KEPT_SUPPORT = 0.88  # of the members: below it a second face may hide in the label
 SPLIT_SHARE = 0.08  # of a label: a smaller second face is not split off
@@ -61,11 +62,11 @@ def fit_labels(cloud: Cloud, settings: PrimitivesSettings) -> tuple[list[Patch],
     guess = Noise(settings.sigma_floor, TURN_FLOOR)
     simple = dataclasses.replace(settings, kinds=SIMPLE)
     first = [fit_members((label,), np.concatenate(part), cloud, guess, simple) for label, part in pieces.items()]
-    noise = measure_noise([p for p in first if p is not None], settings)
+    noise = measure_noise([p for p in first if p is not None], cloud, settings)
     patches: list[Patch] = []
     for label, part in pieces.items():
         patches += _fit_label(label, part, cloud, noise, settings)
-    return patches, measure_noise(patches, settings)
+    return patches, measure_noise(patches, cloud, settings)
 
 
 def fit_members(
@@ -85,15 +86,17 @@ def fit_members(
     return Patch(labels, members, choice.surface, rms, turn)
 
 
-def measure_noise(patches: list[Patch], settings: PrimitivesSettings) -> Noise:
-    """Median over the patches, each counted by its points, of distance and angle residuals."""
+def measure_noise(patches: list[Patch], cloud: Cloud, settings: PrimitivesSettings) -> Noise:
+    """Medians over the patches, each counted by its points, of distance and angle residuals; share of own errors."""
     judged = [p for p in patches if len(p.members) >= JUDGED] or patches
     weight = np.array([len(p.members) for p in judged], float)
-    distance = _weighted_median(np.array([p.rms for p in judged]), weight)
-    turn = _weighted_median(np.array([p.turn for p in judged]), weight)
+    distance = _weighted_quantile(np.array([p.rms for p in judged]), weight)
+    turn = _weighted_quantile(np.array([p.turn for p in judged]), weight)
+    shared = [shared_errors(p.surface, cloud.xyz[p.members], CUT * p.rms)[0] for p in judged]
     return Noise(
         float(np.clip(distance, settings.sigma_floor, settings.sigma_ceiling)),
         float(np.clip(turn, TURN_FLOOR, TURN_CEILING)),
+        own_share(_weighted_quantile(np.array(shared), weight, SMOOTHEST), int(weight.sum())),
     )
 
 
@@ -226,6 +229,7 @@ def _choice(
             noise.distance,
             settings.kinds,
             noise.turn,
+            own=noise.own,
             initial=initial,
             rng=np.random.default_rng(settings.seed),
             reach=settings.largest_radius,
@@ -234,7 +238,7 @@ def _choice(
         return None
 
 
-def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+def _weighted_quantile(values: np.ndarray, weights: np.ndarray, level: float = 0.5) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+    return float(values[order][np.searchsorted(total, level * total[-1])])

@@ -22,11 +22,11 @@ from brepgaussian.geometry.fit import (
     plausible,
     torus_about,
 )
-from brepgaussian.geometry.fit_choose import EFFECTIVE, UNEXPLAINED, price
+from brepgaussian.geometry.fit_choose import noise_floors, price
 from brepgaussian.geometry.fit_refine import PARAMETERS
 from brepgaussian.geometry.surfaces import Surface, plane, sphere
 from brepgaussian.log import get_logger
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, clear_of_edges, thinned
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, clear_of_edges, observations, thinned
 from brepgaussian.primitives.propose import State
 from brepgaussian.primitives.relations import axis_gap
 from brepgaussian.settings.primitives import PrimitivesSettings
@@ -126,12 +126,13 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
             rarity = price(start) - PARAMETERS[start.kind]  # as in a free choice
             candidates.append((start, len(free) + rarity, choices))
     misfits = np.array([misfit(s, points, normals) for s, _, _ in candidates])
-    floor = np.maximum([noise.distance, noise.turn], UNEXPLAINED * misfits.min(axis=0))
-    count = min(len(points), EFFECTIVE)
+    if noise.own > 0:  # the errors of the best candidate may be smooth where others' are not
+        best = candidates[int(np.argmin(misfits.prod(axis=1)))][0]
+        patch = patch.on(best, cloud)
+    count = min(observations(patch, cloud, noise), len(points))
+    floors = noise_floors(noise.distance, noise.turn, misfits, count)
     costs = [
-        data_length(s, points, normals, float(floor[0]), float(floor[1]), count)
-        + price * np.log(max(count, 2))
-        + 2 * np.log(choices)
+        data_length(s, points, normals, *floors, count=count) + price * np.log(max(count, 2)) + 2 * np.log(choices)
         for s, price, choices in candidates
     ]
     return candidates[int(np.argmin(costs))][0]

@@ -5,10 +5,21 @@ import contextlib
 import numpy as np
 
 from brepgaussian.geometry.fit import fit, oriented, refine
+from brepgaussian.geometry.fit_choose import EFFECTIVE
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.fitting import fit_members
-from brepgaussian.primitives.patches import Cloud, Indices, Noise, Patch, contacts, owners, spreads, thinned
+from brepgaussian.primitives.patches import (
+    Cloud,
+    Indices,
+    Noise,
+    Patch,
+    contacts,
+    observations,
+    owners,
+    spreads,
+    thinned,
+)
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
@@ -75,9 +86,12 @@ def misfit(patch: Patch, surface: Surface, cloud: Cloud, noise: Noise) -> float:
     """Residual of a patch under another surface over what is allowed; 1 or less is as good as its own."""
     rms, turn = spreads(surface, cloud, patch.members)
     offset = abs(float(np.median(surface.signed_distance(cloud.xyz[patch.members]))))
+    # the limits are meant for errors that span the whole patch; independent ones tell more
+    share = float(np.sqrt(min(EFFECTIVE / observations(patch, cloud, noise), 1.0)))
+    looser, within = (1 + share * (v - 1) for v in (LOOSER, WITHIN))
     return max(
-        rms / max(LOOSER * patch.rms, WITHIN * noise.distance),
-        turn / max(LOOSER * patch.turn, WITHIN * noise.turn),
+        rms / max(looser * patch.rms, within * noise.distance),
+        turn / max(looser * patch.turn, within * noise.turn),
         offset / (OFFSET * max(noise.distance, patch.rms)),
     )
 

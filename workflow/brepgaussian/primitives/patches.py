@@ -9,14 +9,15 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from brepgaussian.artifacts.points import Points
+from brepgaussian.geometry import independence
 from brepgaussian.geometry.fit import residuals
+from brepgaussian.geometry.fit_choose import CUT, EFFECTIVE, JUDGED, KEPT, TRIMMED
+from brepgaussian.geometry.independence import own_share, shared_errors
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-KEPT = 0.9  # share of the points that measures a residual; up to a tenth may carry a wrong label
-TRIMMED = 0.789  # root mean square of the smallest 90 % of Gaussian magnitudes, in sigma
 _ROUNDED = 2.0  # spacings from a curve within which points are rounded off
 _INNER_SHARE, _INNER_COUNT = 0.5, 30  # of a patch's points that must be left without them
 STRAY_SHARE = 0.03  # of a label: smaller islands are wrong labels
@@ -25,10 +26,23 @@ STRAY_COUNT = 8  # points; so are islands below this, unless the label is not mu
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the points: `distance` in the unit frame, `turn` of the normals in radians (both rms)."""
+    """Noise of the points.
+
+    Attributes:
+        distance: in the unit frame, turn: of the normals in radians (both rms).
+        own: share of the errors' variance that neighbours do not have in common, 0 = none (points of surfels).
+    """
 
     distance: float
     turn: float
+    own: float = 0.0
+
+    def observations(self, points: int) -> float:
+        """Number of independent observations of a patch's shape that some points make.
+
+        Errors that neighbours have in common count as `EFFECTIVE` observations however many points there are.
+        """
+        return independence.observations(points, self.own, EFFECTIVE)
 
 
 @dataclass(frozen=True)
@@ -146,6 +160,15 @@ def spreads(surface: Surface, cloud: Cloud, members: Indices) -> tuple[float, fl
     """Trimmed root mean squares of distances and angles, scaled to what Gaussian noise would give untrimmed."""
     distance, turn = residuals(surface, cloud.xyz[members], cloud.normals[members])
     return trimmed_rms(distance), trimmed_rms(turn)
+
+
+def observations(patch: Patch, cloud: Cloud, noise: Noise) -> float:
+    """Number of independent observations of a patch's shape: its own errors may be smooth where others' are not."""
+    if noise.own == 0 or len(patch.members) < JUDGED:
+        return float(min(len(patch.members), EFFECTIVE))
+    cut = CUT * max(noise.distance, patch.rms)
+    own = own_share(*shared_errors(patch.surface, cloud.xyz[patch.members], cut))
+    return replace(noise, own=min(noise.own, own)).observations(len(patch.members))
 
 
 def trimmed_rms(values: Array) -> float:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from brepgaussian.geometry.fit import PARAMETERS, abreast, distance_jacobian, moved, residuals
+from brepgaussian.geometry.fit_choose import CUT
+from brepgaussian.geometry.independence import observations, own_share, shared_errors
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, thinned
 from brepgaussian.primitives.relations import Link
@@ -23,14 +24,11 @@ Array = NDArray[np.float64]
 # Independent observations of a patch's place and direction: the slow part of the error spans the whole patch, so
 # they are fewer than those that tell its shape (`geometry.fit_choose.EFFECTIVE`).
 EFFECTIVE = 8
-SLOW = 0.2  # of the errors' variance that is common to neighbours where errors are slow
-BESIDE = 10  # neighbours of a point
 SAMPLE = 500  # points of a patch in the joint solve
 ITERATIONS = 6
 STEP = 1e-6  # of the central differences of relations
 PRIOR_ANGLE, PRIOR_LENGTH = 0.3, 0.1  # weak prior, rad and unit frame: keeps unobserved parameters where they are
 REDUNDANT = 1e-9  # relative eigenvalue below which a constraint row repeats others
-CUT = 3.5  # noises beyond which a point has no weight
 SETTLED = 1e-10  # largest parameter change of the last iteration
 MOST_STEP = 0.2  # rad or unit frame; a larger step is shortened
 
@@ -68,19 +66,8 @@ def independent(patch: Patch, cloud: Cloud, cut: float) -> float:
     are. The points of surfels have nothing but such errors, at least a fifth of the variance is common to neighbours.
     The less it is, the more is every point's own.
     """
-    xyz = cloud.xyz[patch.members]
-    error = patch.surface.signed_distance(xyz)
-    near = np.abs(error) < cut
-    error, least = error[near], max(min(int(near.sum()), EFFECTIVE), 1)
-    if len(error) <= BESIDE or not error.any():
-        return float(least)
-    # neighbours along the surface: nearest points in space are the nearer the more alike their errors are
-    foot = patch.surface.project(xyz[near])
-    beside = cKDTree(foot).query(foot, BESIDE + 1)[1][:, 1:]
-    shared = float(np.mean(error[:, None] * error[beside]) / np.mean(error**2))
-    chance = 1 / np.sqrt(beside.size)
-    slow = float(np.clip((shared + chance) / SLOW, 0.0, 1.0))  # not less than chance may hide
-    return 1 / (slow / least + (1 - slow) / len(error))
+    shared, points = shared_errors(patch.surface, cloud.xyz[patch.members], cut)
+    return observations(points, own_share(shared, points), EFFECTIVE)
 
 
 def normal_equations(surface: Surface, evidence: Evidence) -> tuple[Array, Array]:

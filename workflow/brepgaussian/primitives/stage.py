@@ -78,7 +78,7 @@ def primitives_of(points: Points, settings: PrimitivesSettings) -> Primitives:
                 break
     if settings.merge:
         patches = merge_neighbours(patches, cloud, noise, settings)
-        noise = measure_noise(patches, settings)
+        noise = measure_noise(patches, cloud, settings)
     relations: tuple[Relation, ...] = ()
     if settings.regularise:
         patches, relations = regularise(patches, cloud, noise, settings)
