@@ -82,6 +82,38 @@ def test_rows_restore_relations_and_tangency(filleted, seed):
     assert gaps[1] < 1e-9  # the two sides that the fillet joins
 
 
+@pytest.fixture(scope="module")
+def hinge():
+    """A leaf whose lower face touches the barrel that it ends in."""
+    b = build123d
+    barrel = b.Rot(90, 0, 0) * b.Cylinder(0.2, 1)
+    leaf = b.Pos(0.5, 0, -0.1) * b.Box(1, 0.6, 0.2)
+    solid = unit_solid(barrel + leaf)
+    surfaces = surfaces_of(solid)
+    return extract(solid, surfaces), surfaces
+
+
+@pytest.mark.parametrize("off", [1e-4, -1e-4])
+def test_a_face_that_nearly_touches_a_barrel_does(hinge, off):
+    structure, surfaces = hinge
+    lower = next(i for i, s in enumerate(surfaces) if s.kind == "plane" and s.axis[2] < -0.5)
+    barrel = next(i for i, s in enumerate(surfaces) if s.kind == "cylinder")
+    now = list(surfaces)
+    now[lower] = update(now[lower], np.array([0, 0, off]))
+    (tie,) = [t for t in detect(structure, now, tolerances(now)) if t.kind == "touching"]
+    assert tie.members == (lower, barrel)
+    assert abs(value(tie, now)[0]) == pytest.approx(1e-4, rel=1e-6)
+    (columns, gap), *rest = tie_rows([tie], now)
+    assert not rest
+    for index, slope in columns.items():  # the linear prediction of the gap holds
+        step = 1e-5 * np.arange(1, len(slope) + 1)
+        moved = list(now)
+        moved[index] = update(now[index], step)
+        assert value(tie, moved)[0] == pytest.approx(gap + slope @ step, abs=1e-8)
+    now[lower] = update(now[lower], np.array([0, 0, 100 * off]))
+    assert not [t for t in detect(structure, now, tolerances(now)) if t.kind == "touching"]
+
+
 def test_a_circle_that_touches_planes_is_found():
     from refine_support import nut_solid
 

@@ -11,6 +11,7 @@ from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, short_of, size
 from brepgaussian.brep.polish import Polished, polish
+from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
@@ -43,10 +44,12 @@ class Trials:
     refused: set[str] = field(default_factory=set)
 
     def run(self) -> Polished:
-        """Try chamfers where an edge is refused, then simplify until nothing is left to try, or the budget is spent."""
+        """Try chamfers where an edge is refused, then other borders, then simpler solids while the budget lasts."""
         for change in self._features():
             if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
+        for change in self._borders():
+            self._tried([change])
         while not self.left.spent:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
@@ -63,8 +66,14 @@ class Trials:
         return chamfers(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
 
     def _proposals(self) -> list[Change]:
-        noise = float(np.median([p.sigma for p in self.job.patches]))
-        return proposals(self.job.patches, noise, self.job.settings.seed, self.best.attempt.surfaces)
+        return proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)
+
+    def _borders(self) -> list[Change]:
+        """Faces that share a label with a piece of the fillet beside them."""
+        return list(regrouped(self.job.patches, self._noise(), np.random.default_rng(self.job.settings.seed)))
+
+    def _noise(self) -> float:
+        return float(np.median([p.sigma for p in self.job.patches]))
 
     @staticmethod
     def _groups(changes: list[Change]) -> list[list[Change]]:

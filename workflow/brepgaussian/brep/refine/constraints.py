@@ -38,14 +38,20 @@ def _inscribed(cone: Surface, cap: Surface, side: Surface) -> float:
     return float(cone.radius + along * np.tan(cone.angle) - abs((center - side.origin) @ side.axis))
 
 
+def _gap(flat: Surface, round_: Surface) -> float:
+    """Height of a cylinder above a plane along its axis, or the distance by which it reaches through."""
+    return float(abs((round_.origin - flat.origin) @ flat.axis) - round_.radius)
+
+
 @dataclass(frozen=True)
 class Tie:
     """One relation between surfaces.
 
     Attributes:
         kind: `parallel`, `perpendicular`, `coaxial`, `coplanar`, `equal_radius`, `equal_minor`, `equal_angle`
-            of two surfaces; `inscribed` of a cone, the plane that cuts it in a circle, and a plane that
-            touches the circle (a nut's chamfer); `corner` of four surfaces through one point (chamfers that meet).
+            of two surfaces; `touching` of a plane and a cylinder along it; `inscribed` of a cone, the plane that
+            cuts it in a circle, and a plane that touches the circle (a nut's chamfer); `corner` of four surfaces
+            through one point (chamfers that meet).
         members: indices of the surfaces.
         near: (3,) where they meet, of a corner.
     """
@@ -78,9 +84,10 @@ _VALUE: dict[str, Callable[[Sequence[Surface], Array], Array]] = {
     "equal_radius": lambda s, uv: np.array([s[0].radius - s[1].radius]),
     "equal_minor": lambda s, uv: np.array([s[0].minor - s[1].minor]),
     "equal_angle": lambda s, uv: np.array([s[0].angle - s[1].angle]),
+    "touching": lambda s, uv: np.array([_gap(*s)]),
     "inscribed": lambda s, uv: np.array([_inscribed(*s)]),
 }
-_IS_ANGLE = ("parallel", "perpendicular", "equal_angle")
+ANGLES = ("parallel", "perpendicular", "equal_angle")
 
 
 @dataclass(frozen=True)
@@ -111,7 +118,7 @@ class Tolerances:
         """Whether a relation is kept."""
         off = float(np.abs(value(tie, surfaces)).max())
         cone = any(surfaces[i].kind == "cone" for i in tie.members)
-        angular = tie.kind in _IS_ANGLE
+        angular = tie.kind in ANGLES
         least = (self.cone_angle if cone else self.angle) if angular else self.length
         if off <= least or off > (self.most_angle if angular else self.most_length):
             return off <= least
@@ -183,7 +190,20 @@ def detect(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolera
         square = Tie("perpendicular", (side, cone))
         if all(t in kept or tolerances.keeps(t, surfaces) for t in (square, Tie("inscribed", (cone, cap, side)))):
             ties.append(Tie("inscribed", (cone, cap, side)))
-    return ties + _corners(structure, surfaces)
+    return ties + _touching(structure, surfaces, tolerances) + _corners(structure, surfaces)
+
+
+def _touching(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolerances) -> list[Tie]:
+    """Planes that share an edge with a cylinder along them and nearly touch it: no slit or crossing is meant."""
+    pairs = {tuple(sorted(e.surfaces, key=lambda i: surfaces[i].kind, reverse=True)) for e in structure.edges}
+    found = []
+    for flat, round_ in sorted((a, b) for a, b in pairs if min(a, b) >= 0):
+        if (surfaces[flat].kind, surfaces[round_].kind) != ("plane", "cylinder"):
+            continue
+        tie = Tie("touching", (flat, round_))
+        if tolerances.keeps(Tie("perpendicular", (flat, round_)), surfaces) and tolerances.keeps(tie, surfaces):
+            found.append(tie)
+    return found
 
 
 def _corners(structure: Structure, surfaces: Sequence[Surface]) -> list[Tie]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, watch
-from brepgaussian.brep.refine.constraints import Row, Tie, Tolerances, detect, tangent_rows, tie_rows
+from brepgaussian.brep.refine.constraints import ANGLES, Row, Tie, Tolerances, detect, tangent_rows, tie_rows, value
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.parameters import recentre
@@ -38,6 +38,9 @@ _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
 # Regularities of the refined surfaces: the images tell directions and lengths at least this well.
 _SNAP = {"angle": np.radians(0.05), "cone_angle": np.radians(0.1), "length": 2e-4}
 # Those of surfaces that the images hardly determine, as far as `trust` formal standard deviations allow.
+_EXACT = {"angle": 1e-6, "cone_angle": 1e-6, "length": 1e-6, "most_angle": 0.0, "most_length": 0.0, "trust": 0.0}
+_ASTRAY = {"angle": np.radians(6.0), "length": 0.01}  # by which small faces stray from the relations they came with
+_PX_EQUAL, _IOU_EQUAL = 0.01, 5e-5  # figures that differ by less are equal
 _LOOSE = {"most_angle": np.radians(1.5), "most_length": 2e-3, "trust": 10.0}
 
 
@@ -168,11 +171,17 @@ def _refine(
         other, other_last = _descend(run, [], _WINDOWS[1:], True)
         if _typical(other) < _POSE_GAIN * _typical(run):
             run, last, freed = other, other_last, True
-    ties = detect(
-        run.structure, run.state.surfaces, Tolerances(**_SNAP, **_LOOSE, covariance=last.covariance, start=last.start)
-    )
-    run, _ = _descend(run, ties, _WINDOWS[-1:], freed)
+    known = {"covariance": last.covariance, "start": last.start}
+    ties = detect(run.structure, run.state.surfaces, Tolerances(**_SNAP, **_LOOSE, **known))
+    designed = _designed(start, run, ties, Tolerances(**_EXACT, **known))
+    free = run
+    run, _ = _descend(free, ties, _WINDOWS[-1:], freed)
     after = run.test(settings)
+    if designed:
+        other, _ = _descend(free, [*ties, *designed], _WINDOWS[-1:], freed)
+        verdict = other.test(settings)
+        if _unopposed(verdict, after):
+            run, after, ties = other, verdict, [*ties, *designed]
     kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
@@ -201,6 +210,25 @@ def _refine(
         tone=result.state.tone,
         report=report,
     )
+
+
+def _designed(start: _Run, run: _Run, ties: Sequence[Tie], exact: Tolerances) -> list[Tie]:
+    """Relations of the given surfaces that the images have not kept, though they hardly speak against them."""
+    given = detect(start.structure, start.state.surfaces, exact)
+    near = []
+    for tie in given:
+        most = _ASTRAY["angle" if tie.kind in ANGLES else "length"]
+        if tie not in ties and np.abs(value(tie, run.state.surfaces)).max() < most:
+            near.append(tie)
+    return near
+
+
+def _unopposed(new: Acceptance, old: Acceptance) -> bool:
+    """Whether the images like a solid with more relations no less."""
+    if old.accepted and not new.accepted:
+        return False
+    worse = new.silhouette_px > old.silhouette_px + _PX_EQUAL
+    return not worse and new.mask_iou > old.mask_iou - _IOU_EQUAL
 
 
 def _descend(
