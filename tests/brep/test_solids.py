@@ -10,12 +10,12 @@ from brepgaussian.brep.cells import arrange, sample_triangles
 from brepgaussian.brep.evidence import cell_volumes, gather
 from brepgaussian.brep.gate import examine, integrity
 from brepgaussian.brep.labelling import _cut, one_body
-from brepgaussian.brep.patches import make_patches
+from brepgaussian.brep.patches import Patch, make_patches
 from brepgaussian.brep.polyhedron import polyhedral
 from brepgaussian.brep.sheets import make_sheet
 from brepgaussian.brep.silhouettes import make_silhouettes
 from brepgaussian.brep.structure import extract
-from brepgaussian.geometry.surfaces import cylinder, plane
+from brepgaussian.geometry.surfaces import cylinder, plane, torus
 from brepgaussian.settings.brep import BrepSettings
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
@@ -48,6 +48,43 @@ def test_cells_of_a_block_with_a_hole(kit):
     evidence = gather(found, patches, None)
     used = [i for i, o in enumerate(found.origins) if o and found.area[i] > 0.01]
     assert min(evidence.coverage[i] for i in used if found.origins[i] == (6,)) > 0.95
+
+
+def bent_rod(rng, noise=0.0):
+    """Patches of a rod bent by a right angle: torus, two cylinders and two ends, with the volume."""
+    ring, rod, arm = 0.3, 0.08, 0.35
+    centre, x, y, z = np.array([0.2, 0.2, 0.5]), *np.eye(3)
+
+    def tube(count, middle, out, up):
+        turn = rng.uniform(0, 2 * np.pi, count)[:, None]
+        normals = np.cos(turn) * out + np.sin(turn) * up
+        return middle + rod * normals, normals
+
+    angle, along = rng.uniform(0, np.pi / 2, (4000, 1)), rng.uniform(0, arm, (3000, 1))
+    out = np.cos(angle) * x + np.sin(angle) * y
+    faces = [
+        (torus(centre, z, ring, rod), *tube(4000, centre + ring * out, out, z)),
+        (cylinder(centre + ring * x, y, rod), *tube(3000, centre + ring * x - along * y, x, z)),
+        (cylinder(centre + ring * y, x, rod), *tube(3000, centre + ring * y - along * x, y, z)),
+    ]
+    for end, normal, across in ((centre + ring * x - arm * y, -y, x), (centre + ring * y - arm * x, -x, y)):
+        turn, radius = rng.uniform(0, 2 * np.pi, (600, 1)), rod * np.sqrt(rng.uniform(0, 1, (600, 1)))
+        xyz = end + radius * (np.cos(turn) * across + np.sin(turn) * z)
+        faces.append((plane(end, normal), xyz, np.tile(normal, (600, 1))))
+    reach = 0.02
+    patches = [
+        Patch(s, k, xyz + noise * rng.normal(size=xyz.shape), n, reach, 0.001) for k, (s, xyz, n) in enumerate(faces)
+    ]
+    return patches, np.pi * rod**2 * (2 * arm + ring * np.pi / 2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_whole_tube_goes_on_in_a_bend(seed):
+    """The seam of the torus must not open the cell, wherever its points have their largest gap."""
+    patches, volume = bent_rod(np.random.default_rng(seed), 0.001)
+    found = arrangement_of(patches)
+    assert found.cells == 1
+    assert cell_volumes(found, None)[1].sum() == pytest.approx(volume, rel=0.03)
 
 
 def test_minimum_cut_against_all_labellings():

@@ -41,6 +41,8 @@ HOLDING = [
     ("tangent", cylinder(O, Z, 0.2), sphere(O + 0.1 * Z, 0.2)),
     ("tangent", cylinder(O, Z, 0.2), cylinder(O + 0.3 * X, Z, 0.1)),
     ("tangent", cylinder(O, Z, 0.2), cylinder(O + 0.1 * X, Z, 0.1)),
+    ("bend", cylinder(O + 0.3 * X, [0, 1, 0], 0.1), torus(O, Z, 0.3, 0.1)),
+    ("bend", torus(O, Z, 0.3, 0.1), cylinder(O + 0.2 * X - [0, 0.3, 0], -X, 0.1)),
 ]
 
 

@@ -216,7 +216,7 @@ def _limit_v(
         low = -np.pi / 2 if v0[1] and low < -np.pi / 2 + snap else low
         high = np.pi / 2 if v1[1] and high > np.pi / 2 - snap else high
     if surface.kind == "torus" and v0[1] and v1[1] and high - low > TURN - FULL_TURN_GAP:
-        low, high = start_v, start_v + TURN
+        low, high = 0.0, TURN  # OCC finds no cells with the seam of a whole tube anywhere else
     return low, high
 
 

@@ -210,15 +210,34 @@ def tangent(state: State) -> list[Link]:
     return links
 
 
+def bends(state: State) -> list[Link]:
+    """Pipes that go on in a bend beside them."""
+    links = []
+    for i, j in zip(*np.nonzero(np.triu(state.touching)), strict=True):
+        pair = state.surfaces[i], state.surfaces[j]
+        if {s.kind for s in pair} != {"cylinder", "torus"} or pair[0].flipped != pair[1].flipped:
+            continue
+        link = Link("bend", int(i), int(j))
+        tilt, *gaps = np.abs(link.residual(*pair))
+        limit = state.length_tolerance(_length_error(state, link), between=(link.first, link.second))
+        if tilt < np.sin(state.angle_tolerance(link.first, link.second)) and max(gaps) < limit:
+            links.append(link)
+    return links
+
+
+def _length_error(state: State, link: Link) -> float:
+    """Standard deviation of the lengths of two surfaces."""
+    worst = (np.diag(state.covariances[k])[_lengths(k, state)].max() for k in (link.first, link.second))
+    return float(np.hypot(*(np.sqrt(max(v, 0.0)) for v in worst)))
+
+
 def _may_touch(state: State, link: Link) -> bool:
     """Angles within their tolerance and the gap within that of lengths; both on one side of the material."""
     first, second = state.surfaces[link.first], state.surfaces[link.second]
     if _back_to_back(first, second):
         return False
     value = link.residual(first, second)
-    error = float(
-        np.hypot(*(np.sqrt(max(np.diag(state.covariances[k])[_lengths(k, state)])) for k in (link.first, link.second)))
-    )
+    error = _length_error(state, link)
     gap, between = abs(float(value[-1])), (link.first, link.second)
     if gap > state.length_tolerance(error, between=between):
         return False

@@ -29,6 +29,7 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("equal angles", propose.equal_angles),
     ("usual angles", propose.usual_angles),
     ("tangent", propose.tangent),
+    ("bends", propose.bends),
     ("one surface", propose.same),
 )
 TOUCHING = 3  # neighbour pairs that make two patches adjacent

@@ -142,6 +142,15 @@ def _tangent(first: Surface, second: Surface) -> Array:
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
 
 
+def _bend(first: Surface, second: Surface) -> Array:
+    """A pipe that goes on in a bend: a cylinder and a torus of one tube, whose centre line goes on smoothly."""
+    pipe, ring = (first, second) if first.kind == "cylinder" else (second, first)
+    offset = pipe.origin - ring.origin
+    lever = float(np.linalg.norm(np.cross(offset, pipe.axis)))  # from the centre to the axis
+    gaps = [lever - ring.radius, pipe.radius - ring.minor]
+    return np.array([pipe.axis @ ring.axis, offset @ ring.axis, *gaps])
+
+
 RESIDUALS: dict[str, Residual] = {
     "parallel": _parallel,
     "perpendicular": _perpendicular,
@@ -152,6 +161,7 @@ RESIDUALS: dict[str, Residual] = {
     "equal_angle": _equal_angle,
     "same": _same,
     "tangent": _tangent,
+    "bend": _bend,
 }
 
 TANGENT_PAIRS = {

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, watch
-from brepgaussian.brep.refine.constraints import ANGLES, Row, Tie, Tolerances, detect, tangent_rows, tie_rows, value
+from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.parameters import recentre
+from brepgaussian.brep.refine.regularity import given, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, Step, residuals, step
 from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, compare_masks
@@ -35,13 +36,7 @@ _TWIN = 1e-6  # distance within which two surfaces are the same
 _PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
-# Regularities of the refined surfaces: the images tell directions and lengths at least this well.
-_SNAP = {"angle": np.radians(0.05), "cone_angle": np.radians(0.1), "length": 2e-4}
-# Those of surfaces that the images hardly determine, as far as `trust` formal standard deviations allow.
-_EXACT = {"angle": 1e-6, "cone_angle": 1e-6, "length": 1e-6, "most_angle": 0.0, "most_length": 0.0, "trust": 0.0}
-_ASTRAY = {"angle": np.radians(6.0), "length": 0.01}  # by which small faces stray from the relations they came with
 _PX_EQUAL, _IOU_EQUAL = 0.01, 5e-5  # figures that differ by less are equal
-_LOOSE = {"most_angle": np.radians(1.5), "most_length": 2e-3, "trust": 10.0}
 
 
 @dataclass(frozen=True)
@@ -171,16 +166,15 @@ def _refine(
         other, other_last = _descend(run, [], _WINDOWS[1:], True)
         if _typical(other) < _POSE_GAIN * _typical(run):
             run, last, freed = other, other_last, True
-    known = {"covariance": last.covariance, "start": last.start}
-    ties = detect(run.structure, run.state.surfaces, Tolerances(**_SNAP, **_LOOSE, **known))
-    designed = _designed(start, run, ties, Tolerances(**_EXACT, **known))
+    ties = shown(run.structure, run.state.surfaces, last)
+    designed = unopposed(given(start.structure, anchored, last), ties, run.state.surfaces)
     free = run
     run, _ = _descend(free, ties, _WINDOWS[-1:], freed)
     after = run.test(settings)
     if designed:
         other, _ = _descend(free, [*ties, *designed], _WINDOWS[-1:], freed)
         verdict = other.test(settings)
-        if _unopposed(verdict, after):
+        if _no_worse(verdict, after):
             run, after, ties = other, verdict, [*ties, *designed]
     kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
@@ -212,18 +206,7 @@ def _refine(
     )
 
 
-def _designed(start: _Run, run: _Run, ties: Sequence[Tie], exact: Tolerances) -> list[Tie]:
-    """Relations of the given surfaces that the images have not kept, though they hardly speak against them."""
-    given = detect(start.structure, start.state.surfaces, exact)
-    near = []
-    for tie in given:
-        most = _ASTRAY["angle" if tie.kind in ANGLES else "length"]
-        if tie not in ties and np.abs(value(tie, run.state.surfaces)).max() < most:
-            near.append(tie)
-    return near
-
-
-def _unopposed(new: Acceptance, old: Acceptance) -> bool:
+def _no_worse(new: Acceptance, old: Acceptance) -> bool:
     """Whether the images like a solid with more relations no less."""
     if old.accepted and not new.accepted:
         return False
