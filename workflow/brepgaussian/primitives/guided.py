@@ -129,6 +129,8 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
     if noise.own > 0:  # the errors of the best candidate may be smooth where others' are not
         best = candidates[int(np.argmin(misfits.prod(axis=1)))][0]
         patch = patch.on(best, cloud)
+        # where points tell kinds apart, none is likelier because few of its sort are known
+        candidates = [(s, price, len(candidates)) for s, price, _ in candidates]
     count = min(observations(patch, cloud, noise), len(points))
     floors = noise_floors(noise.distance, noise.turn, misfits, count)
     costs = [
