@@ -87,6 +87,25 @@ def test_a_whole_tube_goes_on_in_a_bend(seed):
     assert cell_volumes(found, None)[1].sum() == pytest.approx(volume, rel=0.03)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_whole_boss_stays_whole_where_a_wall_touches_it(seed):
+    """Wherever the largest gap between its points lies, beside a wall's line of contact too."""
+    rng = np.random.default_rng(seed)
+    middle, radius, count = np.full(3, 0.5), 0.2, 2500
+    boss, wall = cylinder(middle, np.array([0, 0, 1.0]), radius), plane(middle + radius * np.eye(3)[0], np.eye(3)[0])
+    turn = rng.uniform(0, 2 * np.pi, count)
+    turn = turn[turn > 0.05]  # the gap beside the contact at turn 0
+    out = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(len(turn))])
+    xyz = middle + radius * out + rng.uniform(-0.2, 0.2, (len(turn), 1)) * [0, 0, 1]
+    flat = wall.origin + rng.uniform([0, 0, -0.2], [0, 0.3, 0.0], (count, 3))
+    patches = [
+        Patch(boss, 0, xyz, out, 0.04, 0.0),
+        Patch(wall, 1, flat, np.tile(wall.axis, (count, 1)), 0.02, 0.0),
+    ]
+    low, high = make_sheet(0, patches, 0.04).limits[:2]
+    assert high - low == pytest.approx(2 * np.pi)
+
+
 def test_minimum_cut_against_all_labellings():
     rng = np.random.default_rng(5)
     for _ in range(20):

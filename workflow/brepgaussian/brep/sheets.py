@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 BOX = np.array([[-0.1] * 3, [1.1] * 3])  # a sheet of full extent ends here: the unit frame and a rim
 FULL_TURN_GAP = np.radians(100.0)  # a support with a smaller gap is taken as a full turn
+_CLOSED = 2.0  # of reach: a gap as narrow as that between points is none
 TANGENT_SINE = 1e-4  # sine of the angle between normals where two surfaces count as tangent
 TANGENT_DISTANCE = 1e-5  # and their distance there, unit frame; the regularised fits are exact to rounding
 _SCAN, _LANES, _GOLDEN_STEPS = 25, 5, 60
@@ -56,7 +57,8 @@ def make_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool
     sheet = Sheet(index, chart)
     u0, u1 = _ends(sheet, patches, 0, u_range, v_range, margin, scale_u)
     v0, v1 = _ends(sheet, patches, 1, v_range, u_range, margin, scale_v)
-    free_u = u0[1] and u1[1]
+    around = (TURN - (u_range[1] - u_range[0])) * scale_u < _CLOSED * patch.reach  # wherever its neighbours touch it
+    free_u = (u0[1] and u1[1]) or around
     full_u = free_u and (extend or TURN - (u_range[1] - u_range[0]) < FULL_TURN_GAP or u1[0] - u0[0] > TURN)
     limits_u = (0.0, TURN) if full_u else (max(u0[0], 0.0), min(u1[0], TURN))
     limits_v = _limit_v(patch, v0, v1, margin, extend, start_v)
