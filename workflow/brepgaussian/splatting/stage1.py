@@ -277,5 +277,6 @@ def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int, be
         color_scale=settings.settle_color,
         angle_scale_deg=settings.settle_angle_deg,
     )
-    parameters.replace("centers", centers)
+    if settings.settle_centers:
+        parameters.replace("centers", centers)
     parameters.replace("quaternions", turned(cloud.quaternions, before, normals))
