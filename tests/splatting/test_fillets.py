@@ -10,7 +10,8 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.confirm import Face
-from brepgaussian.splatting.faces.fillets import Edge, inner_edge, round_edges
+from brepgaussian.splatting.faces.fillets import Edge, Fillet, inner_edge, round_edges
+from brepgaussian.splatting.faces.tie import tied
 from poses import look_at
 
 SIZE, FOCAL, SPACING = 300, 390.0, 1 / 96
@@ -83,7 +84,7 @@ def test_a_cut_corner_gets_its_fillet_back(angle, radius, seed):
     cameras = cameras_above(12)
     images = images_of(edge, radius, cameras, seed)
     silhouettes, faces = block(edge, 0.5), faces_of(edge)
-    hull, left = round_edges(images, silhouettes, block(edge, 0), faces)
+    hull, left, _ = round_edges(images, silhouettes, block(edge, 0), faces)
     vertices = hull.scene().vertices
     heights = edge.heights(vertices)
     within = (heights > 0.3 * radius * (1 - np.sqrt(0.5))).all(axis=1) & (np.abs(vertices[:, 1] - 0.5) < 0.28)
@@ -96,10 +97,39 @@ def test_a_cut_corner_gets_its_fillet_back(angle, radius, seed):
 
 
 @pytest.mark.parametrize("angle", [70, 90, 120])
+def test_surfels_of_a_fillet_are_put_back_on_it_and_others_stay(angle):
+    edge, radius, rng = corner(np.radians(angle)), 0.15, np.random.default_rng(angle)
+    half = np.arccos(edge.cosine) / 2  # of the arc
+    bisector = edge.normals.sum(axis=0) / np.linalg.norm(edge.normals.sum(axis=0))
+    side = np.cross(edge.direction, bisector)
+    axis = edge.point + radius * edge.normals.sum(axis=0) / (1 + edge.cosine)
+    turn = rng.uniform(-0.9 * half, 0.9 * half, (500, 1))
+    out = np.cos(turn) * bisector + np.sin(turn) * side
+    along = rng.uniform(edge.span[0], edge.span[1], (500, 1)) * edge.direction
+    true = axis - (axis @ edge.direction) * edge.direction + along - radius * out
+    true += (edge.point @ edge.direction) * edge.direction
+    drifted = true + rng.uniform(-0.015, 0.015, (500, 1)) * out
+    leaning = out + 0.2 * rng.normal(size=out.shape)
+    leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
+    back = true - 0.01 * out  # of a thin wall's other side
+    flat = edge.point + 0.4 * np.cross(edge.direction, edge.normals[0]) * np.sign(
+        edge.normals[1] @ np.cross(edge.direction, edge.normals[0])
+    )
+    points = np.concatenate([drifted, back, flat[None]]).astype(np.float32)
+    normals = np.concatenate([leaning, -out, edge.normals[:1]]).astype(np.float32)
+    centers, facing = tied(points, normals, [Fillet(edge, radius)], SPACING)
+    inside = ((along @ edge.direction) > edge.span[0]) & ((along @ edge.direction) < edge.span[1])
+    assert np.abs(edge.filled(centers[:500].astype(float), radius)[inside]).max() < 1e-5
+    assert (facing[:500] * out).sum(axis=1)[inside].min() > 0.999
+    np.testing.assert_array_equal(centers[500:], points[500:])
+    np.testing.assert_array_equal(facing[500:], normals[500:])
+
+
+@pytest.mark.parametrize("angle", [70, 90, 120])
 def test_a_sharp_corner_stays_sharp(angle):
     edge = corner(np.radians(angle))
     sharp, faces = block(edge, 0), faces_of(edge)
-    hull, left = round_edges(images_of(edge, 0, cameras_above(12), 7), block(edge, 0.5), sharp, faces)
+    hull, left, _ = round_edges(images_of(edge, 0, cameras_above(12), 7), block(edge, 0.5), sharp, faces)
     assert hull is sharp
     assert all(old is new for old, new in zip(faces, left, strict=True))
 

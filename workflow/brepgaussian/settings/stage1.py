@@ -62,13 +62,8 @@ class Stage1Settings:
         unit="px",
         minimum=0.0,
     )
-    position_rate: float = setting(
-        0.000001,
-        "Adam's rate for centres at the start: the carved hull knows places better than shading does.",
-        unit="unit frame",
-        minimum=0.0,
-    )
-    rotation_rate: float = setting(0.000003, "Adam's rate for quaternions.", minimum=0.0)
+    position_rate: float = setting(0.00003, "Adam's rate for centres at the start.", unit="unit frame", minimum=0.0)
+    rotation_rate: float = setting(0.0001, "Adam's rate for quaternions.", minimum=0.0)
     scale_rate: float = setting(0.005, "Adam's rate for log scales.", minimum=0.0)
     opacity_rate: float = setting(0.03, "Adam's rate for opacity logits.", minimum=0.0)
     color_rate: float = setting(0.005, "Adam's rate for colours and edge values.", minimum=0.0)
@@ -76,10 +71,7 @@ class Stage1Settings:
     shared_moment: bool = setting(
         False, "One second moment for all surfels: they move in proportion to their gradients (Adam: one each)."
     )
-    settle_sweeps: int = setting(2, "Sweeps of the smooth-surface prior before training.", minimum=0)
-    settle_centers: bool = setting(
-        False, "Let the prior move centres, too, not only normals: for hulls that no face or opening cuts."
-    )
+    settle_sweeps: int = setting(10, "Sweeps of the smooth-surface prior before training.", minimum=0)
     settle_every: int = setting(0, "Training steps between two sweeps of the prior; 0 = none.", minimum=0)
     settle_below: float = setting(
         0.5,

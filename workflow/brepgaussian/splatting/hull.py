@@ -11,7 +11,7 @@ from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.concave import Images, Prism, open_channels, open_concavities, open_corners
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.faces import Face, flatten_faces, round_edges
+from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
 
@@ -33,6 +33,7 @@ class Hull:
         normals: (K, 3) float64 outward unit normals at the vertices.
         spacing: edge of a voxel, unit frame.
         prisms: concavities that were opened although no silhouette shows them.
+        fillets: inner edges between planar faces that were rounded.
     """
 
     vertices: NDArray[np.float64]
@@ -40,6 +41,7 @@ class Hull:
     normals: NDArray[np.float64]
     spacing: float
     prisms: tuple[Prism, ...] = ()
+    fillets: tuple[Fillet, ...] = ()
 
 
 def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -99,6 +101,7 @@ def carve(
 
     faces: list[Face] = []
     prisms: list[Prism] = []
+    fillets: list[Fillet] = []
     if patches is not None or concavities:
         images = Images.of(views, noise)
         silhouettes_alone = volume
@@ -108,13 +111,15 @@ def carve(
             volume, prisms = open_channels(images, volume)
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
-            volume, faces = round_edges(images, silhouettes_alone, volume, faces)
+            volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
             volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
             volume, more = open_concavities(images, volume)
             prisms += more
     vertices, triangles = volume.mesh()
-    return Hull(vertices, triangles, vertex_normals(vertices, triangles), volume.spacing, tuple(prisms)), faces
+    return Hull(
+        vertices, triangles, vertex_normals(vertices, triangles), volume.spacing, tuple(prisms), tuple(fillets)
+    ), faces
 
 
 def _sample(

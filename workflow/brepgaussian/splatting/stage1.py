@@ -18,6 +18,7 @@ from brepgaussian.splatting.contrastive import normalised
 from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
 from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
 from brepgaussian.splatting.faces import Face, assign, planes
+from brepgaussian.splatting.faces.tie import tied
 from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.joint import JointFeatures
 from brepgaussian.splatting.library import Cloud, Floats, Raster
@@ -124,7 +125,7 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> T
     if settings.single_stage:
         scale = training_scale(views, settings.image_size)
         joint = JointFeatures(masks, scale, parameters.cloud.centers, settings.seed, settings.joint_weight)
-    parameters, losses = optimise(parameters, targets, settings, threads, joint)
+    parameters, losses = optimise(parameters, targets, settings, threads, joint, hull)
     if settings.recipe == "paper":
         options = RenderOptions(low_pass_px=settings.low_pass_px, cull=False, threads=threads)
         parameters.replace("quaternions", towards_cameras(parameters, targets, options))
@@ -153,8 +154,9 @@ def optimise(
     settings: Stage1Settings,
     threads: int,
     joint: JointFeatures | None = None,
+    hull: Hull | None = None,
 ) -> tuple[Parameters, list[float]]:
-    """Train, one view a step; return the surfels and the loss of each step."""
+    """Train, one view a step, with the surfels of the hull's fillets on these; the surfels and each step's loss."""
     rng = np.random.default_rng(settings.seed)
     raster, losses = Raster(), []
     fast, backend = settings.recipe == "fast", choose_backend(settings.device)
@@ -163,6 +165,7 @@ def optimise(
     if fast:
         parameters.replace("channels", average_targets(parameters.cloud, targets, options)[0])
     settle_all(parameters, settings, settings.settle_sweeps, settings.settle_below)
+    tie(parameters, hull if fast else None)
     statistics, smallest = Statistics(len(parameters)), SMALLEST_PX * footprint(targets)
     order: list[int] = []
     for iteration in progress(range(settings.iterations), "stage1"):
@@ -197,6 +200,9 @@ def optimise(
         if done % len(targets) == 0 and converged(losses, len(targets), settings.stop_gain):
             logger.info("the loss has stopped falling after %d steps", done)
             break
+        if done % len(targets) == 0:
+            tie(parameters, hull if fast else None)
+    tie(parameters, hull if fast else None)
     return parameters, losses
 
 
@@ -263,6 +269,16 @@ def footprint(targets: list[Target]) -> float:
     return float(np.median([t.camera.z_reference / t.camera.fx for t in targets]))
 
 
+def tie(parameters: Parameters, hull: Hull | None) -> None:
+    """Put surfels of a hull's fillets on these, in place."""
+    if hull is None or not hull.fillets:
+        return
+    before = parameters.surfels().normals
+    centers, normals = tied(parameters.cloud.centers, before, hull.fillets, hull.spacing)
+    parameters.replace("centers", centers)
+    parameters.replace("quaternions", turned(parameters.cloud.quaternions, before, normals))
+
+
 def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int, below: float) -> None:
     """Apply the prior for machined parts to all surfels, in place."""
     if sweeps == 0:
@@ -277,6 +293,5 @@ def settle_all(parameters: Parameters, settings: Stage1Settings, sweeps: int, be
         color_scale=settings.settle_color,
         angle_scale_deg=settings.settle_angle_deg,
     )
-    if settings.settle_centers:
-        parameters.replace("centers", centers)
+    parameters.replace("centers", centers)
     parameters.replace("quaternions", turned(cloud.quaternions, before, normals))

@@ -81,17 +81,31 @@ class Edge:
         inside = ((heights < most) & (heights > -slack)).all(axis=1)
         return np.asarray(inside & (along >= self.span[0]) & (along <= self.span[1]))
 
-    def filled(self, points: Array, radius: float) -> Array:
-        """(N,) about the signed distance to the two half-spaces with a fillet between them, inside positive."""
+    def around(self, points: Array, radius: float) -> tuple[Array, Array]:
+        """(N, 3) offsets of points from a fillet's axis, and (N,) how far they lie beyond its tangent lines' plane."""
         bisector = self.normals.sum(axis=0)
         off = points - self.point - radius * bisector / (1 + self.cosine)
         off = off - (off @ self.direction)[:, None] * self.direction
-        chord = -(off @ bisector) / np.linalg.norm(bisector) - radius * np.sqrt((1 + self.cosine) / 2)
+        return off, -(off @ bisector) / np.linalg.norm(bisector) - radius * np.sqrt((1 + self.cosine) / 2)
+
+    def filled(self, points: Array, radius: float) -> Array:
+        """(N,) about the signed distance to the two half-spaces with a fillet between them, inside positive."""
+        off, chord = self.around(points, radius)
         fillet = np.minimum(np.linalg.norm(off, axis=1) - radius, chord)
         return np.asarray(np.maximum(fillet, -self.heights(points).min(axis=1)))
 
 
-def round_edges(images: Images, silhouettes: Volume, hull: Volume, faces: Sequence[Face]) -> tuple[Volume, list[Face]]:
+@dataclass(frozen=True)
+class Fillet:
+    """A rounded inner edge and its radius, unit frame."""
+
+    edge: Edge
+    radius: float
+
+
+def round_edges(
+    images: Images, silhouettes: Volume, hull: Volume, faces: Sequence[Face]
+) -> tuple[Volume, list[Face], list[Fillet]]:
     """Fill the inner edges at which views agree better about a fillet than about what the hull has there.
 
     Args:
@@ -101,9 +115,10 @@ def round_edges(images: Images, silhouettes: Volume, hull: Volume, faces: Sequen
         faces: confirmed ones.
 
     Returns:
-        The hull with its fillets, and the faces without what lies below these.
+        The hull with its fillets, the faces without what lies below these, and the fillets.
     """
     faces = list(faces)
+    fillets: list[Fillet] = []
     rays: Rays | None = None
     scene: Scene | None = None  # of the hull as it is
     for i, j in itertools.combinations(range(len(faces)), 2):
@@ -114,9 +129,10 @@ def round_edges(images: Images, silhouettes: Volume, hull: Volume, faces: Sequen
         found = _best(rays, edge, silhouettes, hull, scene)
         if found is not None:
             (radius, hull), scene = found, None
+            fillets.append(Fillet(edge, radius))
             under = edge.tangent_length(radius)
             faces[i], faces[j] = (_clear_of(faces[k], edge, under) for k in (i, j))
-    return hull, [face for face in faces if face.outline.any()]
+    return hull, [face for face in faces if face.outline.any()], fillets
 
 
 def inner_edge(face: Face, other: Face, spacing: float) -> Edge | None:
