@@ -49,7 +49,7 @@ class Trials:
             if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
         for change in self._borders():
-            self._tried([change])
+            self._tried([change], slack=0.0)  # the points are why: they have to like it
         while not self.left.spent:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
@@ -86,11 +86,14 @@ class Trials:
         groups = [together, kinds] if len(kinds) < len(together) else [together]
         return [group for group in groups if len(group) > 1] + [[c] for c in changes]
 
-    def _tried(self, changes: list[Change], simpler: bool = True) -> bool:
-        """Whether changes were taken; what was refused alone is not tried again."""
+    def _tried(self, changes: list[Change], simpler: bool = True, slack: float = _POINTS_SLACK) -> bool:
+        """Whether changes were taken; what was refused alone is not tried again.
+
+        A share `slack` of the points may leave the solid for a simpler one.
+        """
         if self.left.spent:
             return False
-        fault, outcome = self._outcome(changes, simpler)
+        fault, outcome = self._outcome(changes, simpler, slack)
         names = [c.name for c in changes]
         self.notes.append({"changes": names, "fault": fault})
         get_logger("brep").info("trial %s: %s", ", ".join(names), fault or "taken")
@@ -100,7 +103,9 @@ class Trials:
         self.job, self.rung, self.best = outcome
         return True
 
-    def _outcome(self, changes: list[Change], simpler: bool) -> tuple[str, tuple[Job, Rung, Polished] | None]:
+    def _outcome(
+        self, changes: list[Change], simpler: bool, slack: float
+    ) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
         job, before = applied(self.job, changes), self.best.attempt.verdict
         fault = ""
@@ -117,7 +122,7 @@ class Trials:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
                 fault = "no simpler"
-            elif simpler and _explains_less(verdict, before):
+            elif simpler and _explains_less(verdict, before, slack):
                 fault = "the points are explained less"
             else:
                 self.left.refinements -= 1
@@ -128,8 +133,8 @@ class Trials:
         return fault, None
 
 
-def _explains_less(verdict: Verdict, before: Verdict) -> bool:
-    return verdict.on_solid < before.on_solid - _POINTS_SLACK or len(verdict.doubts) > len(before.doubts)
+def _explains_less(verdict: Verdict, before: Verdict, slack: float) -> bool:
+    return verdict.on_solid < before.on_solid - slack or len(verdict.doubts) > len(before.doubts)
 
 
 def _rungs(rung: Rung, job: Job) -> list[Rung]:
