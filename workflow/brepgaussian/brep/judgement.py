@@ -9,12 +9,11 @@ from scipy.spatial import cKDTree
 
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.polish import Polished, badness
+from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE
 from brepgaussian.brep.simplify import complexity
 from brepgaussian.brep.structure import SMOOTH
 from brepgaussian.settings.brep import BrepSettings
 
-_PX_SLACK = 0.01  # of the worst edge's silhouette residual: less than that is noise of the median
-_IOU_SLACK = 5e-5
 # Standard deviations of a count: which border pixels are wrong is chance, in two triangulations of one solid too.
 _COUNT_SIGMAS = 2.0
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
@@ -38,7 +37,7 @@ def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
         return "the images do not accept it"
     less = one["mask_iou"] < other["mask_iou"] - _slack(other)  # what silhouettes show is not left out
     if other["accepted"]:
-        less |= one["silhouette_px"] > other["silhouette_px"] + _PX_SLACK
+        less |= one["silhouette_px"] > other["silhouette_px"] + PX_NOISE
     else:
         less |= badness(one, settings) > badness(other, settings)
     return f"the images agree less ({one['silhouette_px']:.3f} px, IoU {one['mask_iou']:.5f})" if less else ""
@@ -48,7 +47,7 @@ def _slack(report: Mapping[str, Any]) -> float:
     """Loss of IoU that tells nothing: that of a few pixels on the border."""
     pixels = max(int(report.get("mask_pixels", 0)), 1)
     chance = _COUNT_SIGMAS * math.sqrt(max(1 - report["mask_iou"], 0.0) / pixels) if pixels > 1 else 0.0
-    return max(_IOU_SLACK, chance)
+    return max(IOU_NOISE, chance)
 
 
 def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:

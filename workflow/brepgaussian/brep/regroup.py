@@ -14,9 +14,8 @@ from scipy.spatial import cKDTree
 
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.patches import Patch, touch
-from brepgaussian.brep.simplify import Change
+from brepgaussian.brep.simplify import Change, fitted
 from brepgaussian.geometry.fit_choose import plausible
-from brepgaussian.geometry.fit_robust import fit_robust
 from brepgaussian.geometry.surfaces import Surface, plane, unit
 
 Array = NDArray[np.float64]
@@ -30,7 +29,6 @@ _LEAST = 0.15  # of both patches' points that either keeps
 _WORSE = 1.3  # times the present residual of both together that they may have
 _NEARLY = np.cos(np.radians(8.0))  # between a plane's normal as fitted and as a fillet needs it
 _LARGEST = 1.5  # radius, longest sides of the object
-_MOST_FITTED = 1500  # points of a patch that a fit looks at
 
 
 def regrouped(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
@@ -95,12 +93,8 @@ def _square(face: Surface | None, fillet: Surface) -> Surface | None:
 def _fitted(
     kind: str, xyz: Array, normals: Array, noise: float, rng: np.random.Generator, start: Surface | None
 ) -> Surface | None:
-    step = max(1, len(xyz) // _MOST_FITTED)
-    try:
-        surface = fit_robust(kind, xyz[::step], normals[::step], noise, initial=start, rng=rng)[0]
-    except (ValueError, np.linalg.LinAlgError):
-        return None
-    return surface if plausible(surface, xyz, _LARGEST) else None
+    surface = fitted(kind, xyz, normals, noise, rng, start)
+    return surface if surface is not None and plausible(surface, xyz, _LARGEST) else None
 
 
 def _on(patch: Patch, surface: Surface, xyz: Array, normals: Array) -> Patch:

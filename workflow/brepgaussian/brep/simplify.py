@@ -176,8 +176,14 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
 def _fitted(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:
     """A surface of one kind through patches; None if their points determine none."""
     xyz, normals = (np.concatenate([getattr(p, k) for p in patches]) for k in ("xyz", "normals"))
+    return fitted(kind, xyz, normals, noise, rng, next((p.surface for p in patches if p.surface.kind == kind), None))
+
+
+def fitted(
+    kind: str, xyz: Array, normals: Array, noise: float, rng: np.random.Generator, start: Surface | None
+) -> Surface | None:
+    """A surface of one kind through some of (N, 3) points with normals; None if they determine none."""
     step = max(1, len(xyz) // _MOST_FITTED)
-    start = next((p.surface for p in patches if p.surface.kind == kind), None)
     try:
         return fit_robust(kind, xyz[::step], normals[::step], noise, initial=start, rng=rng)[0]
     except (ValueError, np.linalg.LinAlgError):

@@ -37,13 +37,6 @@ class Noise:
     turn: float
     own: float = 0.0
 
-    def observations(self, points: int) -> float:
-        """Number of independent observations of a patch's shape that some points make.
-
-        Errors that neighbours have in common count as `EFFECTIVE` observations however many points there are.
-        """
-        return independence.observations(points, self.own, EFFECTIVE)
-
 
 @dataclass(frozen=True)
 class Cloud:
@@ -163,12 +156,15 @@ def spreads(surface: Surface, cloud: Cloud, members: Indices) -> tuple[float, fl
 
 
 def observations(patch: Patch, cloud: Cloud, noise: Noise) -> float:
-    """Number of independent observations of a patch's shape: its own errors may be smooth where others' are not."""
+    """Number of independent observations of a patch's shape: its own errors may be smooth where others' are not.
+
+    Errors that neighbours have in common count as `EFFECTIVE` observations however many points there are.
+    """
     if noise.own == 0 or len(patch.members) < JUDGED:
         return float(min(len(patch.members), EFFECTIVE))
     cut = CUT * max(noise.distance, patch.rms)
     own = own_share(*shared_errors(patch.surface, cloud.xyz[patch.members], cut))
-    return replace(noise, own=min(noise.own, own)).observations(len(patch.members))
+    return independence.observations(len(patch.members), min(noise.own, own), EFFECTIVE)
 
 
 def trimmed_rms(values: Array) -> float:

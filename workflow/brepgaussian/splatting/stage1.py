@@ -17,8 +17,7 @@ from brepgaussian.splatting.camera import RenderOptions
 from brepgaussian.splatting.contrastive import normalised
 from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
 from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
-from brepgaussian.splatting.faces import Face, assign, planes
-from brepgaussian.splatting.faces.tie import tied
+from brepgaussian.splatting.faces import Face, assign, planes, tied
 from brepgaussian.splatting.hull import Hull, carve, spread
 from brepgaussian.splatting.joint import JointFeatures
 from brepgaussian.splatting.library import Cloud, Floats, Raster
@@ -165,7 +164,8 @@ def optimise(
     if fast:
         parameters.replace("channels", average_targets(parameters.cloud, targets, options)[0])
     settle_all(parameters, settings, settings.settle_sweeps, settings.settle_below)
-    tie(parameters, hull if fast else None)
+    hull = hull if fast else None
+    tie(parameters, hull)
     statistics, smallest = Statistics(len(parameters)), SMALLEST_PX * footprint(targets)
     order: list[int] = []
     for iteration in progress(range(settings.iterations), "stage1"):
@@ -201,8 +201,8 @@ def optimise(
             logger.info("the loss has stopped falling after %d steps", done)
             break
         if done % len(targets) == 0:
-            tie(parameters, hull if fast else None)
-    tie(parameters, hull if fast else None)
+            tie(parameters, hull)
+    tie(parameters, hull)
     return parameters, losses
 
 

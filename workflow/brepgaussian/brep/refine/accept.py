@@ -33,6 +33,8 @@ from brepgaussian.settings.brep import BrepSettings
 
 Array = NDArray[np.float64]
 
+PX_NOISE = 0.01  # of the worst edge's silhouette residual: less than that is noise of the median
+IOU_NOISE = 5e-5  # the same of the masks' IoU
 WINDOW_PX = 6.0  # search; an edge that is not found within it counts as this far off
 _LEAST_SEEN = 8  # silhouette samples below which an edge is not judged
 _FEW = 2.0  # over the root of their number: share of the limit by which the median of so few samples is uncertain

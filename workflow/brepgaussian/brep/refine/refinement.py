@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, watch
+from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance, judge, watch
 from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
@@ -36,7 +36,6 @@ _TWIN = 1e-6  # distance within which two surfaces are the same
 _PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
-_PX_EQUAL, _IOU_EQUAL = 0.01, 5e-5  # figures that differ by less are equal
 
 
 @dataclass(frozen=True)
@@ -210,8 +209,8 @@ def _no_worse(new: Acceptance, old: Acceptance) -> bool:
     """Whether the images like a solid with more relations no less."""
     if old.accepted and not new.accepted:
         return False
-    worse = new.silhouette_px > old.silhouette_px + _PX_EQUAL
-    return not worse and new.mask_iou > old.mask_iou - _IOU_EQUAL
+    worse = new.silhouette_px > old.silhouette_px + PX_NOISE
+    return not worse and new.mask_iou > old.mask_iou - IOU_NOISE
 
 
 def _descend(

@@ -81,16 +81,27 @@ class Edge:
         inside = ((heights < most) & (heights > -slack)).all(axis=1)
         return np.asarray(inside & (along >= self.span[0]) & (along <= self.span[1]))
 
-    def around(self, points: Array, radius: float) -> tuple[Array, Array]:
-        """(N, 3) offsets of points from a fillet's axis, and (N,) how far they lie beyond its tangent lines' plane."""
-        bisector = self.normals.sum(axis=0)
-        off = points - self.point - radius * bisector / (1 + self.cosine)
-        off = off - (off @ self.direction)[:, None] * self.direction
-        return off, -(off @ bisector) / np.linalg.norm(bisector) - radius * np.sqrt((1 + self.cosine) / 2)
+    @property
+    def bisector(self) -> Array:
+        """(3,) unit, half-way between the normals."""
+        both = self.normals.sum(axis=0)
+        return np.asarray(both / np.linalg.norm(both))
+
+    @property
+    def half_arc(self) -> float:
+        """Cosine of half the angle of a fillet's arc."""
+        return float(np.sqrt((1 + self.cosine) / 2))
+
+    def off_axis(self, points: Array, radius: float) -> Array:
+        """(N, 3) offsets of points (N, 3) from a fillet's axis, across it."""
+        off = points - self.point - radius * self.normals.sum(axis=0) / (1 + self.cosine)
+        return np.asarray(off - (off @ self.direction)[:, None] * self.direction)
 
     def filled(self, points: Array, radius: float) -> Array:
         """(N,) about the signed distance to the two half-spaces with a fillet between them, inside positive."""
-        off, chord = self.around(points, radius)
+        off = self.off_axis(points, radius)
+        bisector = self.normals.sum(axis=0)
+        chord = -(off @ bisector) / np.linalg.norm(bisector) - radius * self.half_arc
         fillet = np.minimum(np.linalg.norm(off, axis=1) - radius, chord)
         return np.asarray(np.maximum(fillet, -self.heights(points).min(axis=1)))
 

@@ -26,12 +26,11 @@ def tied(centers: Floats, normals: Floats, fillets: Sequence[Fillet], spacing: f
     places, facing = centers.astype(np.float64), normals.astype(np.float64)
     for fillet in fillets:
         edge, radius = fillet.edge, fillet.radius
-        off = edge.around(places, radius)[0]
+        off = edge.off_axis(places, radius)
         distance = np.linalg.norm(off, axis=1)
         out = -off / np.maximum(distance, 1e-12)[:, None]
         along = (places - edge.point) @ edge.direction
-        middle = edge.normals.sum(axis=0) / np.linalg.norm(edge.normals.sum(axis=0))
-        sector = out @ middle > np.sqrt((1 + edge.cosine) / 2)
+        sector = out @ edge.bisector > edge.half_arc
         mine = (np.abs(distance - radius) < _REACH_VOXELS * spacing) & sector & (along >= edge.span[0])
         mine &= (along <= edge.span[1]) & (np.einsum("ij,ij->i", out, facing) > _FACING)
         places[mine] += (radius / distance[mine] - 1)[:, None] * off[mine]
