@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import carve, shorten
+from brepgaussian.splatting.concave import carve, shorten, widening
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
-from brepgaussian.splatting.concave.sweep import _cuts
+from brepgaussian.splatting.concave.sweep import cuts
 from brepgaussian.splatting.concave.volume import Volume
 
 SPACING = 1 / 100
@@ -30,15 +30,56 @@ def block_with_slot(rise):
 def test_a_channel_is_told_from_a_bore_across_it_by_its_ends(rise):
     ends = [SimpleNamespace(normal=np.array([s, 0, 0.0]), offset=0.4 + s * 0.5) for s in (1.0, -1.0)]
     hull = block_with_slot(rise)
-    cuts = _cuts(hull, np.array([1.0, 0, 0]), ends)
-    (slot,) = [c for c in cuts if c.at_ends]
+    found = cuts(hull, np.array([1.0, 0, 0]), ends)
+    (slot,) = [c for c in found if c.at_ends]
     within = np.array([[0.5, 0.5, 0.63], [0.3, 0.43, 0.65], [0.7, 0.57, 0.69]])
     beside = np.array([[0.5, 0.3, 0.55], [0.5, 0.7, 0.55], [0.5, 0.5, 0.57], [0.3, 0.37, 0.65], [0.5, 0.5, 0.45]])
     (prism,) = slot.prisms
     assert (hull.without(prism, 0.0).scene().signed_distance(within) > 0).all()
     assert (prism.signed_distance(beside, 0.0) > 0).all()
-    somewhere = [c for c in cuts if not c.at_ends]
+    somewhere = [c for c in found if not c.at_ends]
     assert all((c.prisms[0].signed_distance(beside, 0.0) < 0).any() for c in somewhere)  # they take the bore along
+
+
+def test_a_channel_goes_on_past_a_slot_across_it():
+    x = GRID[..., 0]
+    hull = block_with_slot(0.1)
+    hull = hull.with_field(
+        np.minimum(hull.field, np.maximum(np.abs(x - 0.5) - 0.08, 0.45 - GRID[..., 2])).astype(np.float32)
+    )
+    walls = [SimpleNamespace(normal=np.array([s, 0, 0.0]), offset=-0.08 + s * 0.5) for s in (1.0, -1.0)]
+    ends = [SimpleNamespace(normal=np.array([s, 0, 0.0]), offset=0.4 + s * 0.5) for s in (1.0, -1.0)]
+    whole = [c for c in cuts(hull, np.array([1.0, 0, 0]), walls + ends) if c.prisms[0].depth > 0.7]
+    within = np.array([[0.15, 0.5, 0.63], [0.3, 0.43, 0.64], [0.7, 0.57, 0.63], [0.85, 0.5, 0.63]])
+    beside = np.array([[0.3, 0.5, 0.57], [0.7, 0.65, 0.65], [0.2, 0.35, 0.65]])
+    assert any(
+        (c.prisms[0].signed_distance(within, 0.0) < 0).all() and (c.prisms[0].signed_distance(beside, 0.0) > 0).all()
+        for c in whole
+    )
+    assert all(c.at_ends for c in whole)  # what is empty somewhere in it may be the slot across
+
+
+def narrowing_bore(radius=0.1, least=0.06):
+    """A block with an upright bore that silhouettes leave too narrow in the middle, and a dent in its side."""
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    block = np.minimum.reduce([0.3 - np.abs(x - 0.5), 0.3 - np.abs(y - 0.5), 0.4 - np.abs(z - 0.5)])
+    wide = np.maximum(radius - (radius - least) * np.maximum(1 - np.abs(z - 0.5) / 0.3, 0), least)
+    bore = wide - np.hypot(x - 0.5, y - 0.5)
+    dent = 0.1 - np.linalg.norm(GRID - [0.8, 0.5, 0.5], axis=-1)
+    return Volume(np.minimum.reduce([block, -bore, -dent]).astype(np.float32), np.zeros(3), SPACING)
+
+
+@pytest.mark.parametrize(("rays", "widened"), [(0, True), (100, False)])
+def test_a_hole_that_nobody_sees_into_is_straight(monkeypatch, rays, widened):
+    hull = narrowing_bore()
+    nothing = SimpleNamespace(contour_rays=(np.array([[-1, 0.3, 0.2]]), np.array([[1.0, 0, 0]])))
+    monkeypatch.setattr(widening, "disagreements", lambda *_: (1.0, 1.0 * bool(rays), rays))
+    opened, prisms = widening.widen(nothing, hull, [], [])
+    in_bore = np.array([[0.585, 0.5, 0.5], [0.5, 0.415, 0.45], [0.57, 0.5, 0.6]])
+    elsewhere = np.array([[0.62, 0.5, 0.5], [0.5, 0.38, 0.5], [0.78, 0.55, 0.35], [0.3, 0.5, 0.5]])
+    assert (opened.scene().signed_distance(in_bore) > 0).all() == widened
+    assert (opened.scene().signed_distance(elsewhere) < 0).all()
+    assert bool(prisms) == widened
 
 
 def hole(normal, middle, depth, radius=0.06, error=0.1, through=True):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
-from brepgaussian.splatting.concave import Images, Prism, open_channels, open_concavities, open_corners
+from brepgaussian.splatting.concave import Images, Plane, Prism, open_channels, open_concavities, open_corners, widen
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
 from brepgaussian.splatting.library import load, pointer
@@ -115,7 +115,10 @@ def carve(
         if concavities:
             volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
             volume, more = open_concavities(images, volume)
-            prisms += more
+            # last: what rays tell goes before what is likely
+            planes = [Plane(f.lattice.normal, float(f.lattice.origin @ f.lattice.normal)) for f in faces]
+            volume, wider = widen(images, volume, planes, more)
+            prisms += more + wider
     vertices, triangles = volume.mesh()
     return Hull(
         vertices, triangles, vertex_normals(vertices, triangles), volume.spacing, tuple(prisms), tuple(fillets)

@@ -10,6 +10,8 @@ from brepgaussian.splatting.concave.carve import open_channels, open_concavities
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.widening import widen
 
-__all__ = ["Images", "Prism", "find_prisms", "open_channels", "open_concavities", "open_corners"]
+__all__ = ["Images", "Plane", "Prism", "find_prisms", "open_channels", "open_concavities", "open_corners", "widen"]

@@ -22,11 +22,17 @@ _MAXIMUM_TURN = 0.25  # rad: a strip of a cylinder turns more from one side to t
 
 
 @dataclass(frozen=True)
-class PlanarRegion:
-    """A plane `normal . x = offset` and the triangles that lie on it."""
+class Plane:
+    """A plane `normal . x = offset` with an outward unit normal (3,)."""
 
     normal: Array
     offset: float
+
+
+@dataclass(frozen=True)
+class PlanarRegion(Plane):
+    """A plane and the triangles that lie on it."""
+
     triangles: NDArray[np.int64]
 
     def area(self, vertices: Array, triangles: NDArray[np.int64]) -> float:

@@ -7,7 +7,7 @@ between two faces is taken to be empty all along, if the silhouettes stay filled
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.planes import PlanarRegion, planar_regions
+from brepgaussian.splatting.concave.planes import Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
@@ -35,7 +35,7 @@ _LEAST_CELLS = 12  # of a section's region that changes
 _FINER = 2  # cells of a section for each voxel
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 _LEAST_PART_VOXELS = 60  # of one of several channels
-_MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
+MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
@@ -47,18 +47,20 @@ logger = log.get_logger("stage1")
 
 
 @dataclass(frozen=True)
-class _Cut:
+class Cut:
     """Columns to empty.
 
     Attributes:
         prisms: of one direction; their outlines are lateral, without margins.
         volume: in voxels.
         at_ends: whether both ends of each column are empty; else it is empty somewhere.
+        in_hole: whether it widens a hole that goes through from face to face.
     """
 
     prisms: tuple[Prism, ...]
     volume: float
     at_ends: bool
+    in_hole: bool = False
 
 
 def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
@@ -78,9 +80,9 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         chords = chords_in(scene, *images.contour_rays)
         samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= _LEAST_AREA]
-        cuts = [c for normal in _directions(regions) for c in _possible(chords, samples, _cuts(hull, normal, regions))]
+        every = [c for normal in directions(regions) for c in _possible(chords, samples, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
-        for cut in sorted(cuts, key=lambda c: -c.volume)[:_MOST_TRIED]:
+        for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:
             opened = hull
             for prism in cut.prisms:
                 opened = opened.without(prism, 0.0)
@@ -101,30 +103,30 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
     return hull, done
 
 
-def _directions(regions: Sequence[PlanarRegion]) -> list[Array]:
+def directions(faces: Sequence[Plane]) -> list[Array]:
     """Normals of faces with another face at their back, each direction once.
 
     Faces that look at each other, as those of a bore that silhouettes leave angular, end no channel.
     """
     found: list[Array] = []
-    for region in regions:
-        behind = any(region.normal @ o.normal < -_PARALLEL and region.offset > -o.offset for o in regions)
-        if behind and not any(abs(region.normal @ other) > _PARALLEL for other in found):
-            found.append(region.normal)
+    for face in faces:
+        behind = any(face.normal @ o.normal < -_PARALLEL and face.offset > -o.offset for o in faces)
+        if behind and not any(abs(face.normal @ other) > _PARALLEL for other in found):
+            found.append(face.normal)
     return found
 
 
-def _possible(chords: Chords, samples: Array, cuts: list[_Cut]) -> list[_Cut]:
+def _possible(chords: Chords, samples: Array, cuts: list[Cut]) -> list[Cut]:
     """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
-    kept = [c for c in largest if lost_share(chords, c.prisms[0].contains(samples, 0.0)) <= _MOST_LOST]
+    kept = [c for c in largest if lost_share(chords, c.prisms[0].contains(samples, 0.0)) <= MOST_LOST]
     ends = [c for c in kept if c.at_ends]
     if len(ends) > 1:
-        kept.append(_Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
+        kept.append(Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
     return [c for c in kept if c.volume >= _LEAST_VOLUME_VOXELS]
 
 
-def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[_Cut]:
+def cuts(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
     """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
     field, origin, spacing = hull.field, hull.origin, hull.spacing
     first, second = plane_axes(normal)
@@ -138,7 +140,7 @@ def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[
         index = ((base + height * normal - origin) / spacing).reshape(-1, 3).T
         columns[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(u), len(v))
     found = []
-    for bottom, top in pairwise(_steps(normal, regions, spacing)):
+    for bottom, top, crossed in _spans(normal, faces, spacing):
         inner = columns[(w > bottom + _END_VOXELS * spacing) & (w < top - _END_VOXELS * spacing)]
         if not len(inner):
             continue
@@ -146,9 +148,13 @@ def _cuts(hull: Volume, normal: Array, regions: Sequence[PlanarRegion]) -> list[
         lattice = Lattice(start, first, second, normal, spacing / _FINER, (_FINER * len(u), _FINER * len(v)))
         outer = columns[(w > bottom + _RIM_VOXELS * spacing) & (w < top - _RIM_VOXELS * spacing)]
         anywhere = inner.min(axis=0)
-        for least, widest, open_ended in ((anywhere, anywhere, False), (_at_ends(inner), _at_ends(outer), True)):
-            for outline, volume in _sections(least, widest, inner, spacing):
-                found.append(_Cut((Prism(lattice, outline, top - bottom, False, 0.0),), volume, open_ended))
+        sections = [(_at_ends(inner), _at_ends(outer), True)]
+        if not crossed:
+            sections.insert(0, (anywhere, anywhere, False))
+        for least, widest, open_ended in sections:
+            for outline, volume, in_hole in _sections(least, widest, inner, spacing):
+                prism = Prism(lattice, outline, top - bottom, False, 0.0)
+                found.append(Cut((prism,), volume, open_ended, in_hole and not crossed))
     return found
 
 
@@ -157,14 +163,18 @@ def _at_ends(columns: Field) -> Field:
     return np.maximum(columns[:_AT_END_VOXELS].min(axis=0), columns[-_AT_END_VOXELS:].min(axis=0))
 
 
-def _sections(least: Field, widest: Field, columns: Field, spacing: float) -> list[tuple[NDArray[np.bool_], float]]:
-    """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, and volumes in voxels.
+def _sections(
+    least: Field, widest: Field, columns: Field, spacing: float
+) -> list[tuple[NDArray[np.bool_], float, bool]]:
+    """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, volumes in voxels, and
+    whether each is beside a hole.
 
     Args:
         least: (R, C) negative where a column counts as empty; widest: the same, for those beside such a region.
     """
     volume = (columns > 0).sum(axis=0)
     most = columns.max(axis=0)
+    hole = ndimage.binary_fill_holes(most > 0) & (most <= 0)
     labels, count = ndimage.label((least < 0) & (most > 0))
     found = []
     for k in range(1, count + 1):
@@ -178,15 +188,38 @@ def _sections(least: Field, widest: Field, columns: Field, spacing: float) -> li
         near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
         outline = (fine < 0) & near
         if outline.any():
-            found.append((outline, float(volume[member].sum())))
+            in_hole = bool((hole & ndimage.binary_dilation(member)).any())
+            found.append((outline, float(volume[member].sum()), in_hole))
     return found
 
 
-def _steps(normal: Array, regions: Sequence[PlanarRegion], spacing: float) -> list[float]:
+def _spans(normal: Array, faces: Sequence[Plane], spacing: float) -> list[tuple[float, float, bool]]:
+    """Where channels along a direction may begin and end, and whether other faces lie between.
+
+    A slot across a channel has two faces that end it there; past it the channel goes on, to a face that looks the
+    other way than the first.
+    """
+    steps = _steps(normal, faces, spacing)
+    spans = [(bottom, top, False) for bottom, top in pairwise(steps)]
+    down, up = (_steps(normal, [f for f in faces if side * (f.normal @ normal) > 0], spacing) for side in (-1, 1))
+
+    def near(height: float, ends: list[float]) -> bool:
+        return any(abs(height - end) <= 2 * _END_VOXELS * spacing for end in ends)
+
+    def between(ends: list[float], bottom: float, top: float) -> bool:
+        return any(bottom < end < top and not near(end, [bottom, top]) for end in ends)
+
+    long = [(steps[i], steps[j]) for i, j in combinations(range(len(steps)), 2) if j - i > 1]
+    return spans + [
+        (bottom, top, True)
+        for bottom, top in long
+        if near(bottom, down) and near(top, up) and between(down, bottom, top) and between(up, bottom, top)
+    ]
+
+
+def _steps(normal: Array, faces: Sequence[Plane], spacing: float) -> list[float]:
     """Heights of the faces across a direction, ascending."""
-    heights = sorted(
-        float(np.sign(r.normal @ normal) * r.offset) for r in regions if abs(r.normal @ normal) > _PARALLEL
-    )
+    heights = sorted(float(np.sign(f.normal @ normal) * f.offset) for f in faces if abs(f.normal @ normal) > _PARALLEL)
     kept: list[float] = []
     for height in heights:
         if not kept or height - kept[-1] > 2 * _END_VOXELS * spacing:
