@@ -1,10 +1,13 @@
 """Corners between ribs: a hull spans the ribs' edges with a lid; under it there are two floors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave import Images, corners
 from brepgaussian.splatting.concave.corners import Corner
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
@@ -39,6 +42,16 @@ def test_the_corner_between_two_webs_is_opened_down_to_both_floors(tmp_path, thi
     assert (distance[0] < 0).all()  # silhouettes do not show it
     assert (distance[2] > 0).all()
     assert (distance[3] < 0).all()
+
+
+def test_a_long_strip_of_one_cell_is_no_lid(tmp_path, monkeypatch):
+    """Along a straight edge, triangles that marching cubes cut off it are as large as a lid, and a cell wide."""
+    views, _ = rendered(tmp_path, Box(40, 24, 16))
+    lattice_over = corners.lattice_over
+    monkeypatch.setattr(corners, "lattice_over", lambda *at: replace(lattice_over(*at), shape=(1, 60)))
+    inside = 0.3 - np.abs(np.indices((41, 41, 41)) / 40 - 0.5).max(axis=0)
+    volume = Volume(inside.astype(np.float32), np.zeros(3), 1 / 40)
+    assert corners.open_corners(Images.of(views, 0.0), volume, []) is volume
 
 
 def test_a_corner_is_cut_out_of_what_lies_over_its_floors_and_under_its_lid():

@@ -139,17 +139,19 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
     scene = Scene(*mesh)
     footprint = images.views.cameras.footprint()
     regions = [(region, region.area(*mesh)) for region in planar_regions(*mesh, 2 * hull.spacing)]
-    wide = [(region, area) for region, area in regions if area >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
-    stacks = [rectify(images, scene, lattice_over(region, mesh, footprint)) for region, _ in wide]
+    large = [(region, area) for region, area in regions if area >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
+    lattices = [lattice_over(region, mesh, footprint) for region, _ in large]
+    wide = [(*found, lattice) for found, lattice in zip(large, lattices, strict=True) if min(lattice.shape) > 1]
+    stacks = [rectify(images, scene, lattice) for _, _, lattice in wide]
     seen = [
         (_seen(region, backs, mesh), area)
-        for (region, area), stack in zip(wide, stacks, strict=True)
+        for (region, area, _), stack in zip(wide, stacks, strict=True)
         if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum()
     ]
     sought = []
-    for (lid, area), stack in zip(wide, stacks, strict=True):
-        large = [floor for floor, size in seen if size >= _LEAST_FLOOR * area]
-        floors = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *large])
+    for (lid, area, _), stack in zip(wide, stacks, strict=True):
+        enough = [floor for floor, size in seen if size >= _LEAST_FLOOR * area]
+        floors = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *enough])
         if floors:
             sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
     found: list[Corner] = []
