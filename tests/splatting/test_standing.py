@@ -8,7 +8,7 @@ import pytest
 from brepgaussian.splatting.concave import standing
 from brepgaussian.splatting.concave.openings import LID, WALL, Stack, beside_islands, enclosed
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
-from brepgaussian.splatting.concave.sweep import _directions
+from brepgaussian.splatting.concave.sweep import directions
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.confirm import Face
 from brepgaussian.splatting.faces.holes import clear_holes
@@ -82,8 +82,8 @@ def test_channels_end_at_faces_that_look_away_from_each_other():
         return SimpleNamespace(normal=np.array([x, 0, 0.0]), offset=offset)
 
     outer, inner = [facing(1.0, 0.9), facing(-1.0, -0.1)], [facing(1.0, 0.3), facing(-1.0, -0.7)]
-    assert len(_directions(outer)) == 1  # they share it
-    assert _directions(inner) == []
+    assert len(directions(outer)) == 1  # they share it
+    assert directions(inner) == []
 
 
 def plate_with_hub(skirt):
