@@ -116,7 +116,7 @@ def carve(
             volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
             volume, more = open_concavities(images, volume)
             # last: what rays tell goes before what is likely
-            planes = [Plane(f.lattice.normal, float(f.lattice.origin @ f.lattice.normal)) for f in faces]
+            planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, wider = widen(images, volume, planes, more)
             prisms += more + wider
     vertices, triangles = volume.mesh()

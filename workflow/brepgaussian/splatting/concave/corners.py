@@ -140,6 +140,7 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
     footprint = images.views.cameras.footprint()
     regions = [(region, region.area(*mesh)) for region in planar_regions(*mesh, 2 * hull.spacing)]
     large = [(region, area) for region, area in regions if area >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
+    # along an edge, what marching cubes cut off it is as large as a lid and one cell wide
     lattices = [lattice_over(region, mesh, footprint) for region, _ in large]
     wide = [(*found, lattice) for found, lattice in zip(large, lattices, strict=True) if min(lattice.shape) > 1]
     stacks = [rectify(images, scene, lattice) for _, _, lattice in wide]

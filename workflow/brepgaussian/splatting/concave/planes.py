@@ -40,6 +40,14 @@ class PlanarRegion(Plane):
         a, b, c = (vertices[triangles[self.triangles, k]] for k in range(3))
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
+    def turn(self, vertices: Array, triangles: NDArray[np.int64]) -> float:
+        """Angle by which its triangles are turned against it, root mean square by area, rad."""
+        a, b, c = (vertices[triangles[self.triangles, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        twice = np.linalg.norm(cross, axis=1)
+        alike = np.clip(cross @ self.normal / np.maximum(twice, 1e-15), -1, 1)
+        return float(np.sqrt(np.average(np.arccos(alike) ** 2, weights=twice)))
+
     def lattice(self, vertices: Array, triangles: NDArray[np.int64], pitch: float) -> Lattice:
         """A lattice over the bounding rectangle of the region."""
         first, second = plane_axes(self.normal)

@@ -37,6 +37,11 @@ class Lattice:
     pitch: float
     shape: tuple[int, int]
 
+    @property
+    def offset(self) -> float:
+        """Of its plane, `normal . x = offset`."""
+        return float(self.origin @ self.normal)
+
     def centers(self) -> Array:
         """(R, C, 3) centres of the cells."""
         rows = (np.arange(self.shape[0]) + 0.5) * self.pitch

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
 _PARALLEL = 0.998  # cosine of 3.6 degrees
-_LEAST_AREA = 0.01  # of a face that ends a channel
+LEAST_AREA = 0.01  # of a face that ends a channel
 _END_VOXELS = 3.0  # at a channel's ends the hull is rounded
 _RIM_VOXELS = 1.0  # the same at an end that shows the section: past it the hull rises as steeply as cameras look down
 _BESIDE_VOXELS = 3  # so far from what is surely empty a section is as wide as its rim shows it
@@ -79,7 +79,7 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         scene = Scene(*mesh)
         chords = chords_in(scene, *images.contour_rays)
         samples = chords.samples()
-        regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= _LEAST_AREA]
+        regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= LEAST_AREA]
         every = [c for normal in directions(regions) for c in _possible(chords, samples, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:

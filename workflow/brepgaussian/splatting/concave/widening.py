@@ -7,7 +7,6 @@ what no camera could look through: not a shape that anybody made.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
@@ -16,15 +15,12 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sweep import MOST_LOST, cuts, directions
+from brepgaussian.splatting.concave.sweep import LEAST_AREA, MOST_LOST, cuts, directions
 from brepgaussian.splatting.concave.volume import Volume
-
-Array = NDArray[np.float64]
 
 _GAIN = 0.7  # of the views' disagreement is left at most (.2-.68 measured, .76 where a taper went),
 _FEW_RAYS = 20  # if as many tell anything
 _REACH_VOXELS = 2.0  # rays on which a hole changes less than this don't judge it
-_LEAST_AREA = 0.01  # of a flat of the hull that a hole may end in
 _FLAT = np.radians(3.5)  # rms turn of its triangles: .5-2.8 degrees measured on faces, from 3.9 on strips of a cone
 
 logger = log.get_logger("stage1")
@@ -44,12 +40,14 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
         The hull and what was cut.
     """
     floors = [
-        Plane(prism.lattice.normal, float(prism.lattice.origin @ prism.lattice.normal) - prism.depth)
+        Plane(prism.lattice.normal, prism.lattice.offset - prism.depth)
         for prism in known
         if not (prism.through or prism.endless)
     ]
     mesh = hull.mesh()
-    planes = [*faces, *floors, *_flats(*mesh, hull.spacing)]
+    regions = planar_regions(*mesh, 2 * hull.spacing)
+    flats = [r for r in regions if r.area(*mesh) >= LEAST_AREA and r.turn(*mesh) < _FLAT]
+    planes = [*faces, *floors, *flats]
     scene = Scene(*mesh)
     chords = chords_in(scene, *images.contour_rays)
     samples = chords.samples()
@@ -70,18 +68,3 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
                 opened = opened.without(prism, 0.0)
                 done.append(prism)
     return opened, done
-
-
-def _flats(vertices: Array, triangles: NDArray[np.int64], spacing: float) -> list[Plane]:
-    """Planar regions of a mesh that do not turn."""
-    corners = vertices[triangles]  # (T, 3, 3)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # (T, 3)
-    twice = np.linalg.norm(cross, axis=1)
-    found: list[Plane] = []
-    for region in planar_regions(vertices, triangles, 2 * spacing):
-        weights = twice[region.triangles]
-        alike = (cross[region.triangles] @ region.normal) / np.maximum(weights, 1e-15)
-        turn = np.sqrt(np.average(np.arccos(np.clip(alike, -1, 1)) ** 2, weights=weights))
-        if weights.sum() / 2 >= _LEAST_AREA and turn < _FLAT:
-            found.append(region)
-    return found

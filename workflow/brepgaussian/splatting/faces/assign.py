@@ -30,5 +30,5 @@ def assign(
 
 def planes(faces: list[Face]) -> NDArray[np.float32]:
     """(F, 4) outward normals and offsets, n . x = d."""
-    rows = [[*f.lattice.normal, f.lattice.origin @ f.lattice.normal] for f in faces]
+    rows = [[*f.lattice.normal, f.lattice.offset] for f in faces]
     return np.array(rows, np.float32).reshape(-1, 4)
