@@ -67,3 +67,24 @@ def test_a_corner_is_cut_out_of_what_lies_over_its_floors_and_under_its_lid():
     assert np.array_equal((left.field < 0)[1:-1, 1:-1, 1:-1], (under & inside)[1:-1, 1:-1, 1:-1])
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
     assert np.array_equal(corner.contains(points), inside.ravel())
+
+
+@pytest.mark.parametrize(("reach", "good"), [(0.5, True), (2.0, False)])
+def test_views_judge_all_that_a_corner_cuts_not_its_lid_only(tmp_path, monkeypatch, reach, good):
+    """Of a step filled up, a corner may take the filling, not the face at the step's end as well."""
+    low = (Align.MIN, Align.MIN, Align.MIN)
+    views, truth = rendered(tmp_path, Box(40, 24, 20, align=low) - Pos(0, 0, 10) * Box(20, 24, 10, align=low))
+    images = Images.of(views, 0.0)
+    spacing = 1 / 80
+    lowest = truth.mesh_vertices.min(axis=0)
+    grid = np.stack(np.meshgrid(*[spacing * np.arange(81)] * 3, indexing="ij"), axis=-1)
+    half = np.array([0.5, 0.3, 0.25])
+    full = Volume((half - np.abs(grid - lowest - half)).min(axis=-1).astype(np.float32), np.zeros(3), spacing)
+    normals = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    room = Corner((np.array([0, 0, 1.0]), lowest[2] + 0.5), normals, [-(lowest[0] + reach), lowest[2] + 0.25, -1, -1])
+    monkeypatch.setattr(corners, "_measured", lambda *_: room)
+    monkeypatch.setattr(corners, "_wide_openings", lambda stack, _: [stack.domain])
+    monkeypatch.setattr(corners, "_pairs", lambda *_: [()])
+    monkeypatch.setattr(corners, "_starts", lambda *_: [])
+    opened = corners.open_corners(images, full, [])
+    assert (opened is not full) == good

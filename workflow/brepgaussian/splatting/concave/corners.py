@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, lattice_over, planar_regions
@@ -36,10 +37,13 @@ _DEPTHS = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9])  # under a lid, in the openi
 _DEEPEST = 1.5  # opening's widths that a floor lies under it; a face that lies deeper is another one
 _LEAST_FLOOR = 0.15  # of a lid's area is seen of a floor elsewhere
 _MOST_REFUTED = 0.3  # of a face that is a floor; of a hull's skin between faces views refute most
+_MOST_TURN = np.radians(6)  # of its triangles, rms: faces had up to 4.6 degrees, strips of a hull's skin 6.9 and more
 _MOST_TRIED = 6  # openings, largest first
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _STEP, _FINEST = 4.0, 0.25  # cells by which planes are moved
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
+_REACH_VOXELS = 2.0  # rays on which a corner changes less than this don't judge what it cuts
+_LEAST_RAYS = 20  # that do
 _MOST_AGAINST = 0.2  # share of rays that contradict it
 
 logger = log.get_logger("stage1")
@@ -147,7 +151,7 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
     seen = [
         (_seen(region, backs, mesh), area)
         for (region, area, _), stack in zip(wide, stacks, strict=True)
-        if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum()
+        if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum() and region.turn(*mesh) < _MOST_TURN
     ]
     sought = []
     for (lid, area, _), stack in zip(wide, stacks, strict=True):
@@ -163,9 +167,22 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
             continue
         corner = _measured(images, stack, scene, outline, [c for pair in floors for c in _starts(lid, pair, cells)])
         if corner is not None:
-            found.append(corner)
-            hull = corner.cut_out(hull, 2 * hull.spacing)
+            opened = corner.cut_out(hull, 2 * hull.spacing)
+            if _agreeable(images, hull, opened):
+                found.append(corner)
+                hull = opened
     return hull
+
+
+def _agreeable(images: Images, hull: Volume, opened: Volume) -> bool:
+    """Whether views agree better on all that a corner changes: it may reach beyond its lid, into other faces."""
+    said = disagreements(images, hull.scene(), opened.scene(), _REACH_VOXELS * hull.spacing)
+    good = better(said, _GAIN, _LEAST_RAYS, untold=False)
+    logger.info(
+        "corner cut out: views disagree by %.2f for %.2f of the hull, %d rays%s",
+        said[1], said[0], said[2], "" if good else ": not believed",
+    )  # fmt: skip
+    return good
 
 
 def _seen(face: PlanarRegion, backs: Sequence[Array], mesh: tuple[Array, NDArray[np.int64]]) -> _Floor:
