@@ -86,18 +86,20 @@ def test_badness_is_in_units_of_the_limits():
     assert badness(at_limit, SETTINGS) == pytest.approx(2)
     assert badness({"silhouette_px": 0.0, "mask_iou": 1.0}, SETTINGS) == 0
     assert badness(at_limit | {"astray": SETTINGS.accept_astray}, SETTINGS) == pytest.approx(3)
+    assert badness(at_limit | {"disputed": SETTINGS.accept_disputed}, SETTINGS) == 2  # up to it, it may be chance
+    assert badness(at_limit | {"disputed": 3 * SETTINGS.accept_disputed}, SETTINGS) == pytest.approx(4)
     assert badness({"silhouette_px": None, "mask_iou": 1.0}, SETTINGS) == float("inf")
 
 
 @pytest.mark.parametrize(
     ("after", "expected"),
     [
-        ((0.05, 0.9990, 0.0, True), True),  # accepted now
-        ((0.119, 0.9995, 0.0, False), False),  # the masks gain, the worst edge loses
-        ((0.104, 0.9995, 0.0, False), True),
-        ((0.05, 0.9980, 0.0, False), False),  # the other way round
-        ((float("nan"), 0.9995, 0.0, False), True),
+        ((0.05, 0.9990, 0.0, 0.0, True), True),  # accepted now
+        ((0.119, 0.9995, 0.0, 0.0, False), False),  # the masks gain, the worst edge loses
+        ((0.104, 0.9995, 0.0, 0.0, False), True),
+        ((0.05, 0.9980, 0.0, 0.0, False), False),  # the other way round
+        ((float("nan"), 0.9995, 0.0, 0.0, False), True),
     ],
 )
 def test_short_of_acceptance_no_figure_may_get_clearly_worse(after, expected):
-    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, 0.0, False)) is expected
+    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, 0.0, 0.0, False)) is expected

@@ -106,7 +106,9 @@ def badness(report: dict[str, Any], settings: BrepSettings) -> float:
         return float("inf")
     missing = (1 - iou) / max(1 - settings.accept_iou, _ROUNDING)
     astray = report.get("astray", 0.0) / max(settings.accept_astray, _ROUNDING)
-    return float(px / max(settings.accept_silhouette_px, _ROUNDING) + missing + astray)
+    disputed = report.get("disputed", 0.0) / max(settings.accept_disputed, _ROUNDING)
+    beyond = max(disputed - 1, 0.0)  # of less, chance has its share
+    return float(px / max(settings.accept_silhouette_px, _ROUNDING) + missing + astray + beyond)
 
 
 def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
@@ -182,6 +184,7 @@ def _figures(test: Any) -> dict[str, Any]:
         "mask_iou": float(test.mask_iou),
         "mask_pixels": int(test.mask_pixels),
         "astray": float(test.astray),
+        "disputed": float(test.disputed),
         "accepted": bool(test.accepted),
     }
 

@@ -95,3 +95,9 @@ class BrepSettings:
         minimum=0.0,
         maximum=1.0,
     )
+    accept_disputed: float = setting(
+        81.0,
+        "A solid is accepted if views disagree about no connected part of a face that is larger than this.",
+        unit="px^2",
+        minimum=0.0,
+    )

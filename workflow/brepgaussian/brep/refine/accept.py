@@ -3,7 +3,7 @@
 Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel (a little more where
 few samples tell it), the masks' IoU is above .998, and next to no pixel is wrong that lies clear of the masks'
 borders. Global residuals do not show a failure: the worst edge does, and where an edge is missing altogether, the hole
-that it would bound.
+that it would bound. What lies between the edges shows in places that views disagree about.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.refine.agreement import Disagreement, disagreement
 from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
@@ -48,15 +49,18 @@ class Acceptance:
         silhouette_px: worst edge's median |silhouette residual|; NaN if no edge is seen against the background.
         mask_iou: IoU of the silhouettes over all views.
         astray: share of the silhouettes' pixels that are wrong and clear of all borders.
+        disputed: largest area that views disagree about, px^2.
         accepted: all within their limits.
         mask_pixels: pixels that the masks' figures count.
         edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
-        faces: per face: the worst of its edges' medians and the number of samples seen.
+        faces: per face: the worst of its edges' medians, the number of samples seen, and of places that views
+            disagree about.
     """
 
     silhouette_px: float
     mask_iou: float
     astray: float
+    disputed: float
     accepted: bool
     mask_pixels: int = 0
     edges: list[dict[str, object]] = field(default_factory=list)
@@ -93,7 +97,7 @@ def acceptance(
     seen = watch(mesh, scene, structure, state, views, settings.refine_observations)
     found = measure(images, seen, WINDOW_PX, WINDOW_PX / 2)
     masks = compare_masks(scene, views.cameras, views.alpha, poses)
-    return judge(seen, found, structure, tone, masks, settings)
+    return judge(seen, found, structure, tone, masks, disagreement(scene, structure, images, views, poses), settings)
 
 
 def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, views: Views, limit: int) -> Seen:
@@ -106,7 +110,13 @@ def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, view
 
 
 def judge(
-    seen: Seen, found: Found, structure: Structure, tone: Array, masks: Masks, settings: BrepSettings
+    seen: Seen,
+    found: Found,
+    structure: Structure,
+    tone: Array,
+    masks: Masks,
+    disputed: Disagreement,
+    settings: BrepSettings,
 ) -> Acceptance:
     """The table of residuals and the verdict."""
     residual = np.abs(residuals(seen, found, tone))
@@ -143,10 +153,11 @@ def judge(
             "face": i,
             "seen": sum(n for _, n in around.get(i, [])),
             "silhouette_px": max((m for m, _ in around.get(i, [])), default=None),
+            "disputed": int(disputed.faces[i]),
         }
         for i in range(len(structure.faces))
     ]
     worst = max(medians, default=float("nan"))
     outlines = masks.iou > settings.accept_iou and masks.astray < settings.accept_astray
-    good = bool(medians and sure and outlines)
-    return Acceptance(worst, masks.iou, masks.astray, good, masks.pixels, table, faces)
+    good = bool(medians and sure and outlines and disputed.area <= settings.accept_disputed)
+    return Acceptance(worst, masks.iou, masks.astray, disputed.area, good, masks.pixels, table, faces)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance, judge, watch
+from brepgaussian.brep.refine.agreement import disagreement
 from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
@@ -102,7 +103,9 @@ class _Run:
         """The acceptance test."""
         seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
         masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
-        return judge(seen, found, self.structure, self.state.tone, masks, settings)
+        poses, images = self.state.poses, self.images
+        disputed = disagreement(self.scene, self.structure, images, self.views, poses)
+        return judge(seen, found, self.structure, self.state.tone, masks, disputed, settings)
 
 
 def refine(

@@ -1,6 +1,7 @@
 """What an edge sample looks like in a view: crease, silhouette, occluding, or nothing usable."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,14 +38,30 @@ class Scene:
         vertices, triangles = mesh.vertices.astype(np.float32), mesh.triangles.astype(np.uint32)
         self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles))
 
-    def cast(self, centers: Array, directions: Array) -> tuple[Indices, Array]:
-        """(R,) face that each ray hits first (-1: none) and (R,) distance along its unit direction."""
+    @property
+    def face(self) -> Indices:
+        """(T,) face of each triangle."""
+        return self._mesh.face
+
+    @cached_property
+    def normals(self) -> Array:
+        """(T, 3) unit normals of the triangles."""
+        a, b, c = (self._mesh.vertices[self._mesh.triangles[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny))
+
+    def hit(self, centers: Array, directions: Array) -> tuple[Indices, Array]:
+        """(R,) triangle that each ray hits first (-1: none) and (R,) distance along its unit direction."""
         rays = self._tensor(np.concatenate([centers, directions], axis=1).astype(np.float32))
         answer = self._scene.cast_rays(rays, nthreads=1)
         distance = answer["t_hit"].numpy().astype(np.float64)
         triangle = answer["primitive_ids"].numpy().astype(np.int64)
-        hit = np.isfinite(distance)
-        return np.where(hit, self._mesh.face[np.where(hit, triangle, 0)], _NOTHING), distance
+        return np.where(np.isfinite(distance), triangle, _NOTHING), distance
+
+    def cast(self, centers: Array, directions: Array) -> tuple[Indices, Array]:
+        """(R,) face that each ray hits first (-1: none) and (R,) distance along its unit direction."""
+        triangle, distance = self.hit(centers, directions)
+        return np.where(triangle >= 0, self._mesh.face[np.maximum(triangle, 0)], _NOTHING), distance
 
 
 def look(cameras: Cameras, view: Indices, pixels: Array, poses: Array) -> tuple[Array, Array]:

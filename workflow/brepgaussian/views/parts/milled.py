@@ -70,6 +70,7 @@ def coupling_hub(s: Sizes) -> Part:
     """A flange with four holes on a chamfered hub, a keyed bore, a set-screw hole and a slot in the rim."""
     rim, thick, hub, long, edge = s(30), s(8), s(16), s(26), s(1.5)
     body = turn((0, 0), (rim, 0), (rim, thick), (hub, thick), (hub, long - edge), (hub - edge, long), (0, long))
+    body = Rot(0, 0, 180) * body  # the seam of the rim goes with the slot: it would split the face in two
     bore = s(8)
     body -= extrude(Circle(bore), BEYOND, both=True)
     body -= Pos(bore, 0, 0) * Box(s(6), s(5), BEYOND)

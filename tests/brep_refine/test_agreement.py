@@ -1,0 +1,75 @@
+"""Views disagree where a solid's face is not what they see, although all edges and silhouettes are right."""
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.refine import from_solid
+from brepgaussian.brep.refine.agreement import _largest, disagreement
+from brepgaussian.brep.refine.observe import prepare
+from brepgaussian.brep.refine.visibility import Scene
+from brepgaussian.brep.structure import extract
+from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.settings.views import ViewsSettings
+from build123d import Align, Box, Cylinder, Pos
+from refine_support import surfaces_of
+
+LOW = (Align.CENTER, Align.CENTER, Align.MIN)
+LIMIT = BrepSettings().accept_disputed
+
+
+def views_of(part, tmp_path, **settings) -> Views:
+    from brepgaussian.artifacts.views import read_views
+    from brepgaussian.views.stage import make_views
+    from build123d import export_step
+
+    export_step(part, tmp_path / "part.step")
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    options = ViewsSettings(**({"rendered_views": 50, "image_size": 500} | settings))
+    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=options, **files)
+    return read_views(files["out_views"])
+
+
+def disputed(part, views: Views):
+    from brepgaussian.views.truth import transformed
+
+    solid = transformed(part.wrapped, np.linalg.inv(views.world_from_unit))
+    mesh, structure = from_solid(solid), extract(solid, surfaces_of(solid))
+    poses = np.zeros((len(views.cameras), 3))
+    return disagreement(Scene(mesh), structure, prepare(views), views, poses), structure
+
+
+def block():
+    return Box(50, 40, 20, align=LOW)
+
+
+def pocket(depth):
+    return Pos(0, 0, 20 - depth) * Box(24, 16, depth, align=LOW)
+
+
+@pytest.mark.parametrize("settings", [{}, {"noise": 5.0}, {"jpeg_quality": 85}])
+def test_views_agree_about_the_right_solid(tmp_path, settings):
+    part = block() - pocket(8) - Cylinder(4, 100)
+    found, _ = disputed(part, views_of(part, tmp_path, **settings))
+    assert found.area <= LIMIT
+
+
+def test_a_pocket_that_is_filled_up_is_disputed_on_its_lid(tmp_path):
+    part = block() - pocket(8)
+    found, structure = disputed(block(), views_of(part, tmp_path))
+    assert found.area > 2 * LIMIT
+    top = max(range(len(structure.faces)), key=lambda k: found.faces[k])
+    assert found.faces[top] == found.faces.sum()
+
+
+def test_a_bore_that_ends_too_early_is_disputed_on_its_floor(tmp_path):
+    part = block() - Cylinder(10, 100)
+    found, _ = disputed(block() - Pos(0, 0, 14) * Cylinder(10, 6, align=LOW), views_of(part, tmp_path))
+    assert found.area > LIMIT
+
+
+def test_the_largest_area_is_that_of_one_face():
+    row = [[i, 0, 0, 0] for i in range(4)]
+    beside = [[i, 1, 0, 1] for i in range(3)]
+    apart = [[9, 9, 9, 0]]
+    assert _largest(np.array(row + beside + apart), 3).tolist() == [4, 3, 0]
+    assert _largest(np.zeros((0, 4), np.int64), 1).tolist() == [0]
