@@ -29,7 +29,9 @@ _GOOD = 0.5  # of the tolerance; a primitive that fits as well needs no rival
 
 UNEXPLAINED = 5.0  # cost of a part that no primitive explains
 _SURE_VIEWS, _SURE_SHARE = 10.0, 0.95  # votes of a border, and their share for one region, that suffice alone
-_NOT_FAR = 4.0  # ratio beyond which even failed geometry speaks against
+# ratio beyond which even failed geometry speaks against: pieces of one face had up to 2.0, two faces 2.3 and more
+_NOT_FAR = 2.1
+_DEARER = 1.9  # cost of one primitive for both over the lower of their own; pieces of one face had up to 1.8
 _LAST = 0.95  # ratio of such a merge: after all that the primitives ask for
 
 
@@ -238,23 +240,25 @@ class Merger:
         surer_a, surer_b = certainty(size_a[:, 0]), certainty(size_b[:, 0])
         excused = WELL + SMALL_WELL / np.sqrt(np.concatenate([size_a, size_b], 1))
         own = np.minimum(np.array([[self.own[a], self.own[b]] for a, b in keys]), excused)
-        ratio = np.full(len(keys), np.inf)
+        ratio, together = np.full(len(keys), np.inf), np.full(len(keys), np.inf)
         todo = np.arange(len(keys))
         for kind, penalty in KIND_PENALTY.items():
             some = joint.take(todo)
             cost = batchfit.costs(kind, batchfit.fit(kind, some, self.noise), some, self.noise)
-            first = _mean(cost[:, :SAMPLE], w_a[todo]) - own[todo, 0]
-            second = _mean(cost[:, SAMPLE:], w_b[todo]) - own[todo, 1]
-            worse = np.maximum((first + penalty) * surer_a[todo], (second + penalty) * surer_b[todo])
+            first, second = _mean(cost[:, :SAMPLE], w_a[todo]), _mean(cost[:, SAMPLE:], w_b[todo])
+            together[todo] = np.minimum(together[todo], np.maximum(first, second))
+            rise = np.column_stack([first, second]) - own[todo] + penalty
+            worse = np.maximum(rise[:, 0] * surer_a[todo], rise[:, 1] * surer_b[todo])
             ratio[todo] = np.minimum(ratio[todo], worse / allowed[todo])
             todo = todo[ratio[todo] > _GOOD]
             if not len(todo):
                 break
-        for pair, value, (a, b) in zip(pairs, ratio.tolist(), keys, strict=True):
+        for pair, value, cost_of_both, (a, b) in zip(pairs, ratio.tolist(), together.tolist(), keys, strict=True):
             lost = min(self.own[a], self.own[b]) > UNEXPLAINED
             one_region = pair.both >= _SURE_VIEWS and pair.same >= _SURE_SHARE * pair.both
+            near = value < _NOT_FAR and cost_of_both < _DEARER * min(self.own[a], self.own[b])
             # where geometry failed (walls of narrow bores), the images alone decide
-            pair.ratio = min(value, _LAST) if lost and one_region and value < _NOT_FAR else value
+            pair.ratio = min(value, _LAST) if lost and one_region and near else value
 
     def _mutual_best(self) -> list[tuple[int, int]]:
         best: dict[int, tuple[float, tuple[int, int]]] = {}
