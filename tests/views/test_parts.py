@@ -214,10 +214,43 @@ def triangle(width, height, wall):
     return width * height / 2 * scale**2
 
 
+# plane, cylinder, cone: counted by hand on the drawing
+MOUNTS = {
+    "motor_mount": (15, 10, 0),
+    "spindle_nose": (8, 6, 1),
+    "lock_plate": (14, 5, 0),
+    "stop_collar": (5, 5, 2),
+    "cradle_block": (15, 3, 0),
+}
+
+
+def test_every_mount_is_counted():
+    assert set(MOUNTS) == {name for name, info in PARTS.items() if info.module == "mounts"}
+
+
+@pytest.mark.parametrize("name", MOUNTS)
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
+def test_mounts_keep_their_faces_at_every_seed(name, seed):
+    found = types(build_part(name, seed))
+    assert tuple(found.count(kind) for kind in ("PLANE", "CYLINDER", "CONE")) == MOUNTS[name]
+
+
+def test_mounts_have_the_volumes_of_the_formulas():
+    slots = 4 * (8 * 5 + math.pi * 2.5**2) * 9
+    plate = 64**2 * 9 + math.pi * (14**2 * 5 - 9**2 * 14)
+    assert build_part("motor_mount").volume == pytest.approx(plate - slots, rel=1e-6)
+    angle = 60 * 22 + 22 * 34 - 9**2 * (1 - math.pi / 4) - 7 * 9
+    holes = 2 * math.pi * (3.2**2 * 5 + 6**2 * 5)
+    assert build_part("lock_plate").volume == pytest.approx(angle * 10 - holes, rel=1e-6)
+    cradle = 34 * over(lambda x: 30 - (32 - math.sqrt(144 - x * x)), math.sqrt(144 - 4))
+    sides = 2 * (2.6 * 6 * 34 + math.pi * 9 * 30)
+    assert build_part("cradle_block").volume == pytest.approx(60 * 34 * 30 - cradle - sides, rel=1e-5)
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 75
+    assert len(PARTS) == 80
     assert len(held_out) * 3 >= len(PARTS)
 
 

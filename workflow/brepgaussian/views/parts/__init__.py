@@ -80,7 +80,7 @@ PARTS: dict[str, PartInfo] = {
     "hex_bolt": PartInfo(
         "machine", "cone against planes in hyperbolas on one side, coaxial steps on the other", HOLDOUT
     ),
-    "keyed_shaft": PartInfo("fixture", "a blind keyway on a cylinder, a narrow ring groove, small chamfers", HOLDOUT),
+    "keyed_shaft": PartInfo("fixture", "a blind keyway on a cylinder, a narrow ring groove, small chamfers", TUNED),
     "tube_connector": PartInfo(
         "fixture", "inner walls that only the ends show, a hidden shoulder, holes in pairs", TUNED
     ),
@@ -103,7 +103,7 @@ PARTS: dict[str, PartInfo] = {
     "keyway_journal": PartInfo("milled", "a blind keyway with round ends, longer than the cylinder is wide", TUNED),
     "milled_cover": PartInfo("milled", "a pocket with rounded corners that no silhouette shows", TUNED),
     "guide_block": PartInfo("milled", "a stepped slot above a slot with round ends and a cross bore", TUNED),
-    "coupling_hub": PartInfo("milled", "a keyed bore, a slotted rim, a radial hole", HOLDOUT),
+    "coupling_hub": PartInfo("milled", "a keyed bore, a slotted rim, a radial hole", TUNED),
     "gear_blank": PartInfo("workshop", "a recess around a hub, holes through its floor, a keyed bore", HOLDOUT),
     "swivel_eye": PartInfo("workshop", "a stem that runs into a bored eye, a collar, a chamfered end", HOLDOUT),
     "corner_brace": PartInfo("workshop", "triangular webs at both ends of an inner corner, a slot", TUNED),
@@ -111,7 +111,7 @@ PARTS: dict[str, PartInfo] = {
     "slide_rail": PartInfo("workshop", "a V groove over ledges, counterbores that break into its walls", HOLDOUT),
     "end_stop": PartInfo("workshop", "a counterbore beside a slanting plane, over a notch", HOLDOUT),
     "step_pulley": PartInfo("workshop", "steps in a row, a small radial hole, a hollow below", HOLDOUT),
-    "crank_web": PartInfo("workshop", "tapered walls that run into hubs of unequal height, a shallow slot", HOLDOUT),
+    "crank_web": PartInfo("workshop", "tapered walls that run into hubs of unequal height, a shallow slot", TUNED),
     "shelf_bracket": PartInfo("workshop", "two ribs away from the ends of an inner corner, holes beside them", HOLDOUT),
     "pipe_saddle": PartInfo("workshop", "half a bore whose rims are chamfered, thin ears", HOLDOUT),
     "bleed_screw": PartInfo("workshop", "a blind bore that a small radial hole meets, a relief, a cone", HOLDOUT),
@@ -121,6 +121,13 @@ PARTS: dict[str, PartInfo] = {
     "stand_foot": PartInfo("fittings", "a cone between lugs, a deep blind hole, a shallow recess", HOLDOUT),
     "bent_plate": PartInfo("fittings", "rounded inner corners on either side of a thin wall", HOLDOUT),
     "tee_lever": PartInfo("fittings", "small chamfers that end in a boss and a pad", HOLDOUT),
+    "motor_mount": PartInfo("mounts", "oblique slots with round ends, a low ring around a bore", HOLDOUT),
+    "spindle_nose": PartInfo("mounts", "a slender cone between steps, flats that end on a cylinder", HOLDOUT),
+    "lock_plate": PartInfo("mounts", "counterbores close to walls, a notch, one rounded corner", HOLDOUT),
+    "stop_collar": PartInfo(
+        "mounts", "a slit that cuts all but one face, a stepped hole through curved walls", HOLDOUT
+    ),
+    "cradle_block": PartInfo("mounts", "a shallow cylinder between narrow lands, grooves", HOLDOUT),
 }
 
 

@@ -1,0 +1,69 @@
+"""Bundled parts that hold others: plates, collars, cradles, made for scoring only."""
+
+from build123d import Axis, Box, Circle, Cylinder, Part, Polygon, Pos, Rot, SlotOverall, extrude, fillet
+
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.sizes import Sizes
+from brepgaussian.views.parts.turned import turn
+
+
+def motor_mount(s: Sizes) -> Part:
+    """A square plate with a raised ring around its bore and four diagonal slots with round ends."""
+    side, thick, ring, high, bore = s(64), s(9), s(14), s(5), s(9)
+    body = Box(side, side, thick, align=BOTTOM) + Pos(0, 0, thick) * Cylinder(ring, high, align=BOTTOM)
+    body -= Cylinder(bore, BEYOND)
+    slot = extrude(SlotOverall(s(13), s(5)), BEYOND, both=True)
+    for k in range(4):
+        body -= Rot(0, 0, 45 + 90 * k) * Pos(side * 0.48, 0, 0) * slot
+    return body
+
+
+def spindle_nose(s: Sizes) -> Part:
+    """A flange with three holes, a taper, and a bored shank with two flats."""
+    rim, thick, foot, long = s(28), s(9), s(17), s(18)
+    top, shank, reach = foot - s(3), s(9), s(20)
+    cone, end = thick + long, thick + long + reach
+    body = turn((0, 0), (rim, 0), (rim, thick), (foot, thick), (top, cone), (shank, cone), (shank, end), (0, end))
+    body -= extrude(Circle(s(4.5)), BEYOND, both=True)
+    flat, hole = s(7, 0.05), s(2.5)
+    for k in range(2):
+        body -= Rot(0, 0, 180 * k) * Pos(flat + rim, 0, end - 0.6 * reach) * Box(2 * rim, BEYOND, BEYOND, align=BOTTOM)
+    for k in range(3):
+        body -= Rot(0, 0, 120 * k) * Pos((rim + foot) / 2, 0, 0) * Cylinder(hole, BEYOND)
+    return body
+
+
+def lock_plate(s: Sizes) -> Part:
+    """An angular plate with one rounded corner, a notch in one end, a counterbored hole in either leg."""
+    long, leg, high, thick = s(60), s(22), s(56), s(10)
+    plan = Polygon((0, 0), (long, 0), (long, leg), (leg, leg), (leg, high), (0, high), align=None)
+    body = extrude(plan, thick)
+    body = fillet(body.edges().filter_by(Axis.Z).sort_by(lambda e: e.center().X + e.center().Y)[:1], s(9))
+    body -= Pos(leg / 2, high, 0) * Box(s(7), 2 * s(9), BEYOND)
+    hole, head, deep = s(3.2), s(6), s(5)
+    for x, y in ((leg / 2, 0.6 * high), (0.8 * long, leg / 2)):
+        body -= Pos(x, y, 0) * Cylinder(hole, BEYOND)
+        body -= Pos(x, y, thick - deep) * Cylinder(head, BEYOND, align=BOTTOM)
+    return body
+
+
+def stop_collar(s: Sizes) -> Part:
+    """A chamfered ring with a slit, and a counterbored hole for its screw across the slit."""
+    rim, bore, wide, edge = s(22, 0.05), s(11, 0.05), s(16), s(1.5)
+    body = turn((bore, 0), (rim - edge, 0), (rim, edge), (rim, wide - edge), (rim - edge, wide), (bore, wide))
+    body -= Pos(rim, 0, 0) * Box(2 * (rim - bore / 2), s(3), BEYOND)
+    at = Pos((rim + bore) / 2, 0, wide / 2) * Rot(-90, 0, 0)
+    body -= at * Cylinder(s(1.9), BEYOND)
+    return body - at * Pos(0, 0, s(8)) * Cylinder(s(3.4), BEYOND, align=BOTTOM)
+
+
+def cradle_block(s: Sizes) -> Part:
+    """A block with a round cradle across its top, a groove along either side, and two holes."""
+    wide, deep, high, round_ = s(60), s(34), s(30), s(12)
+    body = Box(wide, deep, high, align=BOTTOM)
+    body -= Pos(0, 0, high + s(2)) * Rot(90, 0, 0) * Cylinder(round_, BEYOND)
+    groove, into, hole = s(6), s(2.6), s(3)
+    for side in (-1, 1):
+        body -= Pos(side * wide / 2, 0, high / 3) * Box(2 * into, BEYOND, groove)
+        body -= Pos(side * (wide / 2 - 7.5), 0, 0) * Cylinder(hole, BEYOND)
+    return body
