@@ -191,3 +191,17 @@ def unit_solid(part):
 
     world = (part.solid() if hasattr(part, "solid") else part).wrapped
     return transformed(world, unit_from_world(world))
+
+
+def views_of(part, tmp_path, **settings):
+    """50 views of 500 px of a build123d part."""
+    from brepgaussian.artifacts.views import read_views
+    from brepgaussian.settings.views import ViewsSettings
+    from brepgaussian.views.stage import make_views
+    from build123d import export_step
+
+    export_step(part, tmp_path / "part.step")
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    options = ViewsSettings(**({"rendered_views": 50, "image_size": 500} | settings))
+    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=options, **files)
+    return read_views(files["out_views"])

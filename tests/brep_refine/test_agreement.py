@@ -4,29 +4,17 @@ import numpy as np
 import pytest
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine import from_solid
-from brepgaussian.brep.refine.agreement import _largest, disagreement
+from brepgaussian.brep.refine.agreement import disagreement
+from brepgaussian.brep.refine.looks import largest_areas
 from brepgaussian.brep.refine.observe import prepare
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import extract
 from brepgaussian.settings.brep import BrepSettings
-from brepgaussian.settings.views import ViewsSettings
 from build123d import Align, Box, Cylinder, Pos
-from refine_support import surfaces_of
+from refine_support import surfaces_of, views_of
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 LIMIT = BrepSettings().accept_disputed
-
-
-def views_of(part, tmp_path, **settings) -> Views:
-    from brepgaussian.artifacts.views import read_views
-    from brepgaussian.views.stage import make_views
-    from build123d import export_step
-
-    export_step(part, tmp_path / "part.step")
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    options = ViewsSettings(**({"rendered_views": 50, "image_size": 500} | settings))
-    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=options, **files)
-    return read_views(files["out_views"])
 
 
 def disputed(part, views: Views):
@@ -71,5 +59,5 @@ def test_the_largest_area_is_that_of_one_face():
     row = [[i, 0, 0, 0] for i in range(4)]
     beside = [[i, 1, 0, 1] for i in range(3)]
     apart = [[9, 9, 9, 0]]
-    assert _largest(np.array(row + beside + apart), 3).tolist() == [4, 3, 0]
-    assert _largest(np.zeros((0, 4), np.int64), 1).tolist() == [0]
+    assert largest_areas(np.array(row + beside + apart), 3).tolist() == [4, 3, 0]
+    assert largest_areas(np.zeros((0, 4), np.int64), 1).tolist() == [0]

@@ -94,12 +94,12 @@ def test_badness_is_in_units_of_the_limits():
 @pytest.mark.parametrize(
     ("after", "expected"),
     [
-        ((0.05, 0.9990, 0.0, 0.0, True), True),  # accepted now
-        ((0.119, 0.9995, 0.0, 0.0, False), False),  # the masks gain, the worst edge loses
-        ((0.104, 0.9995, 0.0, 0.0, False), True),
-        ((0.05, 0.9980, 0.0, 0.0, False), False),  # the other way round
-        ((float("nan"), 0.9995, 0.0, 0.0, False), True),
+        ((0.05, 0.9990, 0.0, True), True),  # accepted now
+        ((0.119, 0.9995, 0.0, False), False),  # the masks gain, the worst edge loses
+        ((0.104, 0.9995, 0.0, False), True),
+        ((0.05, 0.9980, 0.0, False), False),  # the other way round
+        ((float("nan"), 0.9995, 0.0, False), True),
     ],
 )
 def test_short_of_acceptance_no_figure_may_get_clearly_worse(after, expected):
-    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, 0.0, 0.0, False)) is expected
+    assert better(Acceptance(*after), Acceptance(0.101, 0.9987, 0.0, False)) is expected

@@ -185,6 +185,7 @@ def _figures(test: Any) -> dict[str, Any]:
         "mask_pixels": int(test.mask_pixels),
         "astray": float(test.astray),
         "disputed": float(test.disputed),
+        "displaced": test.displaced,
         "accepted": bool(test.accepted),
     }
 

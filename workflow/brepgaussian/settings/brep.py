@@ -101,3 +101,9 @@ class BrepSettings:
         unit="px^2",
         minimum=0.0,
     )
+    accept_displaced: float = setting(
+        50.0,
+        "A solid is accepted if no connected part of a face that is larger than this surely lies elsewhere.",
+        unit="px^2",
+        minimum=0.0,
+    )

@@ -3,19 +3,21 @@
 Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel (a little more where
 few samples tell it), the masks' IoU is above .998, and next to no pixel is wrong that lies clear of the masks'
 borders. Global residuals do not show a failure: the worst edge does, and where an edge is missing altogether, the hole
-that it would bound. What lies between the edges shows in places that views disagree about.
+that it would bound. What lies between the edges shows in places that views disagree about, or whose greys follow the
+slant of the views.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine.agreement import Disagreement, disagreement
+from brepgaussian.brep.refine.agreement import disagreement
 from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
+from brepgaussian.brep.refine.parallax import displaced
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
 from brepgaussian.brep.refine.solve import TONES, State, residuals
 from brepgaussian.brep.refine.visibility import (
@@ -49,8 +51,9 @@ class Acceptance:
         silhouette_px: worst edge's median |silhouette residual|; NaN if no edge is seen against the background.
         mask_iou: IoU of the silhouettes over all views.
         astray: share of the silhouettes' pixels that are wrong and clear of all borders.
-        disputed: largest area that views disagree about, px^2.
         accepted: all within their limits.
+        disputed: largest area that views disagree about, px^2.
+        displaced: largest area that parallax places elsewhere, px^2; None where the solid is refused anyway.
         mask_pixels: pixels that the masks' figures count.
         edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
         faces: per face: the worst of its edges' medians, the number of samples seen, and of places that views
@@ -60,8 +63,9 @@ class Acceptance:
     silhouette_px: float
     mask_iou: float
     astray: float
-    disputed: float
     accepted: bool
+    disputed: float = 0.0
+    displaced: float | None = None
     mask_pixels: int = 0
     edges: list[dict[str, object]] = field(default_factory=list)
     faces: list[dict[str, object]] = field(default_factory=list)
@@ -97,7 +101,8 @@ def acceptance(
     seen = watch(mesh, scene, structure, state, views, settings.refine_observations)
     found = measure(images, seen, WINDOW_PX, WINDOW_PX / 2)
     masks = compare_masks(scene, views.cameras, views.alpha, poses)
-    return judge(seen, found, structure, tone, masks, disagreement(scene, structure, images, views, poses), settings)
+    test = judge(seen, found, structure, tone, masks, settings)
+    return judge_faces(test, scene, structure, images, views, poses, settings)
 
 
 def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, views: Views, limit: int) -> Seen:
@@ -115,10 +120,9 @@ def judge(
     structure: Structure,
     tone: Array,
     masks: Masks,
-    disputed: Disagreement,
     settings: BrepSettings,
 ) -> Acceptance:
-    """The table of residuals and the verdict."""
+    """The table of residuals and the verdict on edges and silhouettes."""
     residual = np.abs(residuals(seen, found, tone))
     outline = seen.kind == SILHOUETTE
     # A silhouette that is not there is a fault; an interior edge may have no contrast.
@@ -153,11 +157,28 @@ def judge(
             "face": i,
             "seen": sum(n for _, n in around.get(i, [])),
             "silhouette_px": max((m for m, _ in around.get(i, [])), default=None),
-            "disputed": int(disputed.faces[i]),
         }
         for i in range(len(structure.faces))
     ]
     worst = max(medians, default=float("nan"))
     outlines = masks.iou > settings.accept_iou and masks.astray < settings.accept_astray
-    good = bool(medians and sure and outlines and disputed.area <= settings.accept_disputed)
-    return Acceptance(worst, masks.iou, masks.astray, disputed.area, good, masks.pixels, table, faces)
+    good = bool(medians and sure and outlines)
+    return Acceptance(worst, masks.iou, masks.astray, good, mask_pixels=masks.pixels, edges=table, faces=faces)
+
+
+def judge_faces(
+    test: Acceptance,
+    scene: Scene,
+    structure: Structure,
+    images: Images,
+    views: Views,
+    poses: Array,
+    settings: BrepSettings,
+) -> Acceptance:
+    """The verdict on what lies between the edges added; depths, which cost most, where nothing else is wrong."""
+    disputed = disagreement(scene, structure, images, views, poses)
+    good = test.accepted and disputed.area <= settings.accept_disputed
+    off = displaced(scene, structure, images, views, poses) if good else None
+    good = good and off is not None and off <= settings.accept_displaced
+    faces = [row | {"disputed": int(count)} for row, count in zip(test.faces, disputed.faces, strict=True)]
+    return replace(test, accepted=good, disputed=disputed.area, displaced=off, faces=faces)

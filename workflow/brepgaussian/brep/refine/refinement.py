@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance, judge, watch
-from brepgaussian.brep.refine.agreement import disagreement
+from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance, judge, judge_faces, watch
 from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
@@ -103,9 +102,8 @@ class _Run:
         """The acceptance test."""
         seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
         masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
-        poses, images = self.state.poses, self.images
-        disputed = disagreement(self.scene, self.structure, images, self.views, poses)
-        return judge(seen, found, self.structure, self.state.tone, masks, disputed, settings)
+        test = judge(seen, found, self.structure, self.state.tone, masks, settings)
+        return judge_faces(test, self.scene, self.structure, self.images, self.views, self.state.poses, settings)
 
 
 def refine(
