@@ -205,3 +205,17 @@ def views_of(part, tmp_path, **settings):
     options = ViewsSettings(**({"rendered_views": 50, "image_size": 500} | settings))
     make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=options, **files)
     return read_views(files["out_views"])
+
+
+def asked_of(part, views):
+    """What the tests of a solid's faces ask of a build123d part: scene, structure, images, poses."""
+    from brepgaussian.brep.refine import from_solid
+    from brepgaussian.brep.refine.observe import prepare
+    from brepgaussian.brep.refine.visibility import Scene
+    from brepgaussian.brep.structure import extract
+    from brepgaussian.splatting.concave import Images
+    from brepgaussian.views.truth import transformed
+
+    solid = transformed(part.wrapped, np.linalg.inv(views.world_from_unit))
+    shown, poses = Images.of(views, prepare(views).noise), np.zeros((len(views.cameras), 3))
+    return Scene(from_solid(solid)), extract(solid, surfaces_of(solid)), shown, poses

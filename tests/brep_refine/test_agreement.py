@@ -3,27 +3,19 @@
 import numpy as np
 import pytest
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine import from_solid
 from brepgaussian.brep.refine.agreement import disagreement
 from brepgaussian.brep.refine.looks import largest_areas
-from brepgaussian.brep.refine.observe import prepare
-from brepgaussian.brep.refine.visibility import Scene
-from brepgaussian.brep.structure import extract
 from brepgaussian.settings.brep import BrepSettings
 from build123d import Align, Box, Cylinder, Pos
-from refine_support import surfaces_of, views_of
+from refine_support import asked_of, views_of
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 LIMIT = BrepSettings().accept_disputed
 
 
 def disputed(part, views: Views):
-    from brepgaussian.views.truth import transformed
-
-    solid = transformed(part.wrapped, np.linalg.inv(views.world_from_unit))
-    mesh, structure = from_solid(solid), extract(solid, surfaces_of(solid))
-    poses = np.zeros((len(views.cameras), 3))
-    return disagreement(Scene(mesh), structure, prepare(views), views, poses), structure
+    scene, structure, shown, poses = asked_of(part, views)
+    return disagreement(scene, structure, shown, poses), structure
 
 
 def block():

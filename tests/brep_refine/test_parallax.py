@@ -2,17 +2,13 @@
 
 import numpy as np
 import pytest
-from brepgaussian.brep.refine import from_solid
 from brepgaussian.brep.refine.looks import Looks
-from brepgaussian.brep.refine.observe import prepare
 from brepgaussian.brep.refine.parallax import depths, displaced
-from brepgaussian.brep.refine.visibility import Scene
-from brepgaussian.brep.structure import extract
 from brepgaussian.settings.brep import BrepSettings
 from build123d import Axis, fillet
 from hypothesis import given
 from hypothesis import strategies as st
-from refine_support import surfaces_of, views_of
+from refine_support import asked_of, views_of
 
 PIXEL = 0.002
 
@@ -49,7 +45,6 @@ def test_depths_scatter_as_their_errors_say():
 
 @pytest.mark.parametrize(("missing", "off"), [(False, False), (True, True)])
 def test_a_fillet_of_an_inner_corner_that_a_solid_lacks_is_seen(tmp_path, missing, off):
-    from brepgaussian.views.truth import transformed
     from build123d import Box, Pos
 
     angle = Box(40, 30, 40) - Pos(8, 0, 8) * Box(40, 30, 40)
@@ -58,7 +53,5 @@ def test_a_fillet_of_an_inner_corner_that_a_solid_lacks_is_seen(tmp_path, missin
     ]
     rounded = fillet(inner, 6)
     views = views_of(rounded, tmp_path)
-    solid = transformed((angle if missing else rounded).wrapped, np.linalg.inv(views.world_from_unit))
-    scene, structure = Scene(from_solid(solid)), extract(solid, surfaces_of(solid))
-    area = displaced(scene, structure, prepare(views), views, np.zeros((len(views.cameras), 3)))
+    area = displaced(*asked_of(angle if missing else rounded, views))
     assert (area > BrepSettings().accept_displaced) == off

@@ -88,18 +88,27 @@ FIXTURE = {
     "cover_lid": (7, 10, 5, 0, 0),
     "seat_block": (10, 3, 1, 1, 0),
 }
+MOUNTS = {
+    "motor_mount": (15, 10, 0, 0, 0),
+    "spindle_nose": (8, 6, 1, 0, 0),
+    "lock_plate": (14, 5, 0, 0, 0),
+    "stop_collar": (5, 5, 2, 0, 0),
+    "cradle_block": (15, 3, 0, 0, 0),
+}
+COUNTED = FIXTURE | MOUNTS
 
 
-def test_every_fixture_part_is_counted():
-    assert set(FIXTURE) == {name for name, info in PARTS.items() if info.module == "fixture"}
+@pytest.mark.parametrize(("module", "counted"), [("fixture", FIXTURE), ("mounts", MOUNTS)])
+def test_every_part_of_a_module_is_counted(module, counted):
+    assert set(counted) == {name for name, info in PARTS.items() if info.module == module}
 
 
-@pytest.mark.parametrize("name", FIXTURE)
+@pytest.mark.parametrize("name", COUNTED)
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
-def test_fixture_parts_keep_their_faces_at_every_seed(name, seed):
+def test_counted_parts_keep_their_faces_at_every_seed(name, seed):
     found = types(build_part(name, seed))
     kinds = ("PLANE", "CYLINDER", "CONE", "SPHERE", "TORUS")
-    assert tuple(found.count(kind) for kind in kinds) == FIXTURE[name]
+    assert tuple(found.count(kind) for kind in kinds) == COUNTED[name]
 
 
 def test_a_tube_connector_has_the_volume_of_the_formula():
@@ -212,27 +221,6 @@ def triangle(width, height, wall):
     """Area of a right triangle outside of an angle of two legs, `wall` thick, along its sides."""
     scale = 1 - wall / width - wall / height
     return width * height / 2 * scale**2
-
-
-# plane, cylinder, cone: counted by hand on the drawing
-MOUNTS = {
-    "motor_mount": (15, 10, 0),
-    "spindle_nose": (8, 6, 1),
-    "lock_plate": (14, 5, 0),
-    "stop_collar": (5, 5, 2),
-    "cradle_block": (15, 3, 0),
-}
-
-
-def test_every_mount_is_counted():
-    assert set(MOUNTS) == {name for name, info in PARTS.items() if info.module == "mounts"}
-
-
-@pytest.mark.parametrize("name", MOUNTS)
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
-def test_mounts_keep_their_faces_at_every_seed(name, seed):
-    found = types(build_part(name, seed))
-    assert tuple(found.count(kind) for kind in ("PLANE", "CYLINDER", "CONE")) == MOUNTS[name]
 
 
 def test_mounts_have_the_volumes_of_the_formulas():

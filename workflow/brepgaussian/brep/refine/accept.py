@@ -33,6 +33,7 @@ from brepgaussian.brep.refine.visibility import (
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
@@ -115,12 +116,7 @@ def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, view
 
 
 def judge(
-    seen: Seen,
-    found: Found,
-    structure: Structure,
-    tone: Array,
-    masks: Masks,
-    settings: BrepSettings,
+    seen: Seen, found: Found, structure: Structure, tone: Array, masks: Masks, settings: BrepSettings
 ) -> Acceptance:
     """The table of residuals and the verdict on edges and silhouettes."""
     residual = np.abs(residuals(seen, found, tone))
@@ -176,9 +172,10 @@ def judge_faces(
     settings: BrepSettings,
 ) -> Acceptance:
     """The verdict on what lies between the edges added; depths, which cost most, where nothing else is wrong."""
-    disputed = disagreement(scene, structure, images, views, poses)
+    shown = Shown.of(views, images.noise)
+    disputed = disagreement(scene, structure, shown, poses)
     good = test.accepted and disputed.area <= settings.accept_disputed
-    off = displaced(scene, structure, images, views, poses) if good else None
+    off = displaced(scene, structure, shown, poses) if good else None
     good = good and off is not None and off <= settings.accept_displaced
     faces = [row | {"disputed": int(count)} for row, count in zip(test.faces, disputed.faces, strict=True)]
     return replace(test, accepted=good, disputed=disputed.area, displaced=off, faces=faces)

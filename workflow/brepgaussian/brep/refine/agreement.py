@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.looks import largest_areas, looks
-from brepgaussian.brep.refine.observe import Images
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import Structure
 from brepgaussian.splatting.concave import Images as Shown
@@ -41,22 +39,20 @@ class Disagreement:
     faces: Indices
 
 
-def disagreement(scene: Scene, structure: Structure, images: Images, views: Views, poses: Array) -> Disagreement:
+def disagreement(scene: Scene, structure: Structure, shown: Shown, poses: Array) -> Disagreement:
     """Where views disagree about a solid.
 
     Args:
         scene: its triangulation.
         structure: its edges and faces.
-        images: for their noise.
-        views: images and cameras.
+        shown: views, their greys, and by how many of these one place may differ.
         poses: (V, 3) image corrections.
     """
     count = len(structure.faces)
-    shown = Shown.of(views, images.noise)
     seen = looks(scene, structure, shown, poses, _STRIDE_PX)
     if not len(seen.face):
         return Disagreement(0.0, np.zeros(count, np.int64))
-    side = _PLACE_PX * views.cameras.footprint()
+    side = _PLACE_PX * shown.views.cameras.footprint()
     places = seen.places(side)
     local = seen.points / side - places[:, :3] - 0.5
     cost, told = differences(places, local, seen.grey, shown.tolerance, _CAP)

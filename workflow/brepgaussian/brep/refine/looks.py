@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from brepgaussian.brep.refine.visibility import Scene, look
 from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.chains import resample
 from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
@@ -74,9 +75,8 @@ def _clear(points: Array, structure: Structure, footprint: float) -> NDArray[np.
     """(N,) which points (N, 3) lie clear of all edges."""
     lines = [np.zeros((0, 3))]
     for edge in structure.edges:
-        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1))])
-        along = np.linspace(0, length[-1], max(2, int(np.ceil(length[-1] / footprint)) + 1))
-        lines.append(np.column_stack([np.interp(along, length, edge.polyline[:, k]) for k in range(3)]))
+        steps = np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1)
+        lines.append(resample(edge.polyline, max(1, int(np.ceil(steps.sum() / footprint)))))
     edges = np.concatenate(lines)
     if not len(edges):
         return np.ones(len(points), bool)

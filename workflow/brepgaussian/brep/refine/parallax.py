@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.looks import Looks, largest_areas, looks
-from brepgaussian.brep.refine.observe import Images
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import Structure
 from brepgaussian.splatting.concave import Images as Shown
@@ -56,13 +54,12 @@ class Depths:
         return self.told & (np.abs(self.depth) > _SIGMAS * self.sigma + _OFF_PX)
 
 
-def displaced(scene: Scene, structure: Structure, images: Images, views: Views, poses: Array) -> float:
+def displaced(scene: Scene, structure: Structure, shown: Shown, poses: Array) -> float:
     """Largest connected area of one face that surely lies elsewhere, px^2; arguments as for `disagreement`."""
-    shown = Shown.of(views, images.noise)
     seen = looks(scene, structure, shown, poses, _STRIDE_PX)
     if not len(seen.face):
         return 0.0
-    found = depths(seen, views.cameras.footprint(), shown.tolerance)
+    found = depths(seen, shown.views.cameras.footprint(), shown.tolerance)
     areas = largest_areas(found.places[found.off], len(structure.faces))
     return float(areas.max(initial=0)) * _PLACE_PX**2
 
