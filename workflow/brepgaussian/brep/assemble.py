@@ -11,6 +11,7 @@ from brepgaussian.brep import occ
 from brepgaussian.brep.build_faces import build_face
 from brepgaussian.brep.cells import arrange
 from brepgaussian.brep.evidence import gather
+from brepgaussian.brep.exact import exact
 from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.labelling import Weights, label, one_body
@@ -104,6 +105,7 @@ def patches_of(job: Job, rung: Rung) -> tuple[Patch, ...]:
 def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:
     """The sheets of all patches for one rung."""
     chosen = set(rung.extend)
+    patches = exact(patches)
     return [make_sheet(i, patches, rung.margin, i in chosen or patches[i].whole) for i in range(len(patches))]
 
 

@@ -4,7 +4,7 @@ A chamfer narrower than a few point spacings melts into its neighbours. The imag
 solid has in its place lies pixels off. Chamfers of some widths are proposed there; the refinement finds the rest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +24,7 @@ _BAD_PX = 0.5  # median silhouette residual of an edge that is not where the sol
 _SHARE_OF_WORST = 0.25  # and of the worst edge's: one wrong edge draws others with it
 _PARALLEL = 1e-3  # sine between a plane's normal and a cylinder's axis whose circle is chamfered
 _ACROSS = 0.9  # |cosine| between planes whose edge is too blunt or too sharp for a chamfer
-_SPACING = 0.006  # of the points that stand for a chamfer, unit frame
+SPACING = 0.006  # of the points that stand for a chamfer, unit frame
 _REACH = 2.0  # spacings
 _LEAST_LEFT = 0.3  # of a neighbour's points that must remain
 _LEAST_LENGTH = 2.0  # widths: length of an edge that is worth it
@@ -65,9 +65,8 @@ def _chamfered(
     edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float
 ) -> Change | None:
     """Chamfers of one width on edges, with what remains of the neighbours' points."""
-    new: list[Patch] = []
+    bands: list[tuple[Surface, Array]] = []
     lines: dict[int, list[Array]] = {}
-    number = max((p.primitive for p in patches), default=0) + 1
     for edge in edges:
         if max(edge.surfaces) >= len(patches) or min(edge.surfaces) < 0 or len(edge.polyline) < 2:
             continue
@@ -76,22 +75,35 @@ def _chamfered(
         made = _surface(pair, edge.polyline, width)
         if made is None or length < _LEAST_LENGTH * width:
             continue
-        points = _band(made, pair, edge.polyline)
-        normals = made.normals(points).copy()
-        new.append(Patch(made, number + len(new), points, normals, _REACH * _SPACING, 0.0))
+        bands.append((made, _band(made, pair, edge.polyline)))
         for s in edge.surfaces:
             lines.setdefault(s, []).append(edge.polyline)
-    trimmed = []
+    left = trimmed(patches, lines, width)
+    if not bands or left is None:
+        return None
+    new = numbered(bands, patches)
+    return Change(f"{len(new)} chamfers {width:g} wide", tuple(sorted(lines)), (*left, *new))
+
+
+def trimmed(patches: Sequence[Patch], lines: Mapping[int, Sequence[Array]], width: float) -> list[Patch] | None:
+    """Patches (by index) without their points within a width of lines; None if too little is left of one."""
+    result = []
     for index, near in sorted(lines.items()):
         patch = patches[index]
         away = cKDTree(np.concatenate(near)).query(patch.xyz)[0] > width
         if away.mean() < _LEAST_LEFT:
             return None
-        trimmed.append(replace(patch, xyz=patch.xyz[away], normals=patch.normals[away]))
-    if not new:
-        return None
-    names = f"{len(new)} chamfers {width:g} wide"
-    return Change(names, tuple(sorted(lines)), (*trimmed, *new))
+        result.append(replace(patch, xyz=patch.xyz[away], normals=patch.normals[away]))
+    return result
+
+
+def numbered(bands: Sequence[tuple[Surface, Array]], patches: Sequence[Patch]) -> list[Patch]:
+    """Patches of made surfaces and points (N, 3) on them, numbered after those that there are."""
+    first = max((p.primitive for p in patches), default=0) + 1
+    return [
+        Patch(made, first + k, points, made.normals(points).copy(), _REACH * SPACING, 0.0)
+        for k, (made, points) in enumerate(bands)
+    ]
 
 
 def _surface(pair: tuple[Surface, Surface], polyline: Array, width: float) -> Surface | None:
@@ -120,11 +132,11 @@ def _band(made: Surface, pair: tuple[Surface, Surface], polyline: Array) -> Arra
     """(N, 3) points on a chamfer between its two neighbours along an edge."""
     steps = np.linalg.norm(np.diff(polyline, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.linspace(0, along[-1], max(int(along[-1] / _SPACING), 2))
+    at = np.linspace(0, along[-1], max(int(along[-1] / SPACING), 2))
     spine = np.column_stack([np.interp(at, along, polyline[:, k]) for k in range(3)])
     ends = [_slide(spine, made, neighbour) for neighbour in pair]
     width = float(np.linalg.norm(ends[1] - ends[0], axis=1).max())
-    share = np.linspace(0.05, 0.95, max(int(width / _SPACING), 3))[:, None, None]
+    share = np.linspace(0.05, 0.95, max(int(width / SPACING), 3))[:, None, None]
     return made.project(((1 - share) * ends[0] + share * ends[1]).reshape(-1, 3))
 
 

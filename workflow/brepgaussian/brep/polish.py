@@ -1,7 +1,7 @@
 """The seam to the refinement: surfaces made exact by the images, the solid rebuilt with the same topology."""
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,13 @@ class Polished:
         attempt: the rebuilt solid, or the given one where that is better or cannot be rebuilt.
         report: `silhouette_px`, `mask_iou`, `accepted` of that solid, and how the refinement went.
         shown: samples of every edge that the images show as a step of luminance, one array an edge.
+        off: (P, 4) places that lie elsewhere, and by how many px they should lie deeper, where edges agree.
     """
 
     attempt: Attempt
     report: dict[str, Any]
     shown: tuple[Array, ...] = ()
+    off: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
 
 def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views) -> Polished:
@@ -57,14 +59,14 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         structure, mesh = _inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
-            return Polished(attempt, _figures(test) | {"refined": False}, _shown(structure, test))
+            return Polished(attempt, _figures(test) | {"refined": False}, _shown(structure, test), _off(test))
         for _ in range(_ROUNDS):
             result = refine(structure, mesh, attempt.surfaces, views, settings)
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
                 table = {"edges": result.before.edges, "faces": result.before.faces}
                 figures = _figures(result.before) | {"refined": False, "refinement": details | table}
-                best = Polished(attempt, figures, _shown(structure, result.before))
+                best = Polished(attempt, figures, _shown(structure, result.before), _off(result.before))
             if not result.report["kept"]:
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
@@ -76,7 +78,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             attempt, test, structure, mesh = rebuilt
             details |= {"edges": test.edges, "faces": test.faces}
             figures = _figures(test) | {"refined": True, "refinement": details}
-            best = Polished(attempt, figures, _shown(structure, test))
+            best = Polished(attempt, figures, _shown(structure, test), _off(test))
             if same:
                 break
             job = with_surfaces(job, rung, result.surfaces, {f.surface for f in result.structure.faces})
@@ -97,6 +99,11 @@ def _shown(structure: Structure, test: Any) -> tuple[Array, ...]:
         if kind == "edge" and px is not None and px < _SHOWN_PX:
             found.append(structure.edges[int(index)].polyline)
     return tuple(found)
+
+
+def _off(test: Any) -> Array:
+    """(P, 4) places that parallax places elsewhere, and depths."""
+    return np.zeros((0, 4)) if test.displaced is None else np.asarray(test.displaced.places)
 
 
 def badness(report: dict[str, Any], settings: BrepSettings) -> float:
@@ -130,7 +137,7 @@ def _rebuilt(
     moved = with_surfaces(job, rung, result.surfaces, used)
     own = (result.mesh, result.structure, result.surfaces, moved, rung)
     calls = [("refine.support:rebuild", (*own, margin)) for margin in _MARGINS] + [("assemble:attempt", (moved, rung))]
-    fault = ""
+    fault, spare = "", None
     for function, arguments in calls:
         try:
             rebuilt: Attempt = worker.call(function, arguments, settings.time_limit_s)
@@ -145,10 +152,18 @@ def _rebuilt(
         structure, mesh = _inspect(worker, rebuilt, settings)
         poses = result.poses if result.poses.any() else None
         test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=poses, tone=result.tone)
-        if _as_good(test, result, same=not difference or _closer(attempt, rebuilt)):
+        same = not difference or _closer(attempt, rebuilt)
+        if _as_good(test, result, same):
             return rebuilt, test, structure, mesh
+        if spare is None and same and _as_good(test, replace(result, accepted=False), same):
+            spare = (
+                rebuilt,
+                test,
+                structure,
+                mesh,
+            )  # refused for an edge that few samples show
         fault = fault or difference or "the rebuilt solid agrees less with the images than its surfaces"
-    return fault
+    return spare or fault
 
 
 def _as_good(test: Any, result: Any, same: bool) -> bool:
@@ -185,7 +200,7 @@ def _figures(test: Any) -> dict[str, Any]:
         "mask_pixels": int(test.mask_pixels),
         "astray": float(test.astray),
         "disputed": float(test.disputed),
-        "displaced": test.displaced,
+        "displaced": None if test.displaced is None else float(test.displaced.area),
         "accepted": bool(test.accepted),
     }
 

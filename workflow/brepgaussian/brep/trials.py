@@ -10,14 +10,16 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, short_of, size
-from brepgaussian.brep.polish import Polished, polish
+from brepgaussian.brep.polish import Polished, polish, with_surfaces
 from brepgaussian.brep.regroup import regrouped
+from brepgaussian.brep.rounds import fillets
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
 
+_RUNGS = 2  # that a change is built on, at most
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
 
@@ -44,8 +46,8 @@ class Trials:
     refused: set[str] = field(default_factory=set)
 
     def run(self) -> Polished:
-        """Try chamfers where an edge is refused, then other borders, then simpler solids while the budget lasts."""
-        for change in self._features():
+        """Try chamfers where an edge is refused, then other borders, simpler solids while the budget lasts, fillets."""
+        for change in self._chamfers():
             if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
         for change in self._borders():
@@ -54,16 +56,35 @@ class Trials:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
                 break
+        rounded = self._fillets()
+        self.job = self._refined()
+        self.left = Budget(_RUNGS * len(rounded), len(rounded))  # few, and what simpler solids cost is no reason
+        for change in rounded:
+            if self._tried([change], simpler=False):
+                break
         if self.notes:
             self.best.report["trials"] = self.notes
         return self.best
 
-    def _features(self) -> list[Change]:
+    def _chamfers(self) -> list[Change]:
         """Chamfers at edges that the images refuse."""
         details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
         if self.best.report.get("accepted") is not False or not details or structure is None:
             return []
         return chamfers(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
+
+    def _fillets(self) -> list[Change]:
+        """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
+        structure = self.best.attempt.verdict.structure
+        if self.best.report.get("accepted") is not False or structure is None:
+            return []
+        return fillets(structure, self.best.attempt.surfaces, self._refined().patches, self.best.off)
+
+    def _refined(self) -> Job:
+        """The job with its best solid's surfaces: fillets touch these exactly."""
+        structure = self.best.attempt.verdict.structure
+        used = {f.surface for f in structure.faces} if structure is not None else set()
+        return with_surfaces(self.job, self.rung, self.best.attempt.surfaces, used)
 
     def _proposals(self) -> list[Change]:
         return proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)

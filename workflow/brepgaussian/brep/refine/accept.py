@@ -17,7 +17,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.agreement import disagreement
 from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
-from brepgaussian.brep.refine.parallax import displaced
+from brepgaussian.brep.refine.parallax import Displaced, displaced
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
 from brepgaussian.brep.refine.solve import TONES, State, residuals
 from brepgaussian.brep.refine.visibility import (
@@ -54,7 +54,7 @@ class Acceptance:
         astray: share of the silhouettes' pixels that are wrong and clear of all borders.
         accepted: all within their limits.
         disputed: largest area that views disagree about, px^2.
-        displaced: largest area that parallax places elsewhere, px^2; None where the solid is refused anyway.
+        displaced: what parallax places elsewhere; None where the solid is refused anyway.
         mask_pixels: pixels that the masks' figures count.
         edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
         faces: per face: the worst of its edges' medians, the number of samples seen, and of places that views
@@ -66,7 +66,7 @@ class Acceptance:
     astray: float
     accepted: bool
     disputed: float = 0.0
-    displaced: float | None = None
+    displaced: Displaced | None = None
     mask_pixels: int = 0
     edges: list[dict[str, object]] = field(default_factory=list)
     faces: list[dict[str, object]] = field(default_factory=list)
@@ -176,6 +176,6 @@ def judge_faces(
     disputed = disagreement(scene, structure, shown, poses)
     good = test.accepted and disputed.area <= settings.accept_disputed
     off = displaced(scene, structure, shown, poses) if good else None
-    good = good and off is not None and off <= settings.accept_displaced
+    good = good and off is not None and off.area <= settings.accept_displaced
     faces = [row | {"disputed": int(count)} for row, count in zip(test.faces, disputed.faces, strict=True)]
     return replace(test, accepted=good, disputed=disputed.area, displaced=off, faces=faces)

@@ -37,13 +37,14 @@ class Depths:
     """How far places lie off.
 
     Attributes:
-        places: (P, 4) cubes and faces; centres: (P, 3), unit frame.
+        places: (P, 4) cubes and faces; centres: (P, 3), unit frame; normals: (P, 3) outward unit.
         depth: (P,) px by which the surface should lie deeper; sigma: (P,) its standard error.
         told: (P,) whether the radiance tells it.
     """
 
     places: Indices
     centres: Array
+    normals: Array
     depth: Array
     sigma: Array
     told: NDArray[np.bool_]
@@ -54,14 +55,30 @@ class Depths:
         return self.told & (np.abs(self.depth) > _SIGMAS * self.sigma + _OFF_PX)
 
 
-def displaced(scene: Scene, structure: Structure, shown: Shown, poses: Array) -> float:
-    """Largest connected area of one face that surely lies elsewhere, px^2; arguments as for `disagreement`."""
-    seen = looks(scene, structure, shown, poses, _STRIDE_PX)
-    if not len(seen.face):
-        return 0.0
-    found = depths(seen, shown.views.cameras.footprint(), shown.tolerance)
+@dataclass(frozen=True)
+class Displaced:
+    """Places that surely lie elsewhere.
+
+    Attributes:
+        area: of the largest connected ones on a face, px^2.
+        depths: of all places that were asked.
+    """
+
+    area: float
+    depths: Depths
+
+    @property
+    def places(self) -> Array:
+        """(P, 4) centres of those that lie elsewhere (unit frame), and by how many px the surface should be deeper."""
+        found = self.depths
+        return np.column_stack([found.centres, found.depth])[found.off]
+
+
+def displaced(scene: Scene, structure: Structure, shown: Shown, poses: Array) -> Displaced:
+    """Where a solid's faces surely lie elsewhere; arguments as for `disagreement`."""
+    found = depths(looks(scene, structure, shown, poses, _STRIDE_PX), shown.views.cameras.footprint(), shown.tolerance)
     areas = largest_areas(found.places[found.off], len(structure.faces))
-    return float(areas.max(initial=0)) * _PLACE_PX**2
+    return Displaced(float(areas.max(initial=0)) * _PLACE_PX**2, found)
 
 
 def depths(seen: Looks, footprint: float, tolerance: float) -> Depths:
@@ -72,6 +89,9 @@ def depths(seen: Looks, footprint: float, tolerance: float) -> Depths:
         footprint: of a pixel, unit frame.
         tolerance: grey levels that one place may differ by.
     """
+    if not len(seen.face):
+        none, nothing = np.zeros((0, 3)), np.zeros(0)
+        return Depths(np.zeros((0, 4), np.int64), none, none, nothing, nothing, nothing > 0)
     rows = seen.places(_PLACE_PX * footprint)
     places, where, count = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(where.ravel(), kind="stable")
@@ -96,7 +116,7 @@ def depths(seen: Looks, footprint: float, tolerance: float) -> Depths:
         weights, solution = fit.robust(design, weights)
     sigma = fit.error(design, weights, solution)
     told = (count >= _LEAST_RAYS) & (np.minimum.reduceat(facing, fit.starts) > _FLAT) & (sigma < _SURE_PX)
-    return Depths(places, centres, solution[:, 3], sigma, told)
+    return Depths(places, centres, normal, solution[:, 3], sigma, told)
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,17 @@ from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acce
 from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
+from brepgaussian.brep.refine.parallax import Displaced, displaced
 from brepgaussian.brep.refine.parameters import recentre
 from brepgaussian.brep.refine.regularity import given, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, Step, residuals, step
+from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, compare_masks
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
@@ -34,6 +37,8 @@ _IOU_SLACK = 1e-3  # loss of IoU that no better edge makes up for
 _PX_SLACK = 1.1  # by which the worst edge may lose where the masks gain: a solid with a wrong edge is refined too
 _TWIN = 1e-6  # distance within which two surfaces are the same
 _PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
+_SOUNDINGS = 8  # rounds with depths, each of which halves what is left of the error,
+_STILL = 1e-4  # unit frame, a twentieth of a pixel: until no vertex moves by more
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
 
@@ -104,6 +109,10 @@ class _Run:
         masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
         test = judge(seen, found, self.structure, self.state.tone, masks, settings)
         return judge_faces(test, self.scene, self.structure, self.images, self.views, self.state.poses, settings)
+
+    def displaced(self) -> Displaced:
+        """What parallax places elsewhere."""
+        return displaced(self.scene, self.structure, Shown.of(self.views, self.images.noise), self.state.poses)
 
 
 def refine(
@@ -176,6 +185,7 @@ def _refine(
         verdict = other.test(settings)
         if _no_worse(verdict, after):
             run, after, ties = other, verdict, [*ties, *designed]
+    run, after = _sounded(run, after, ties, freed, settings)
     kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
@@ -214,15 +224,41 @@ def _no_worse(new: Acceptance, old: Acceptance) -> bool:
     return not worse and new.mask_iou > old.mask_iou - IOU_NOISE
 
 
+def _sounded(
+    run: _Run, test: Acceptance, ties: Sequence[Tie], free_poses: bool, settings: BrepSettings
+) -> tuple[_Run, Acceptance]:
+    """The solid with its surfaces also through the places whose depth parallax tells, and its test, if that is better.
+
+    Greys are linear in a surface's error only nearly: depths are told again until nothing moves.
+    """
+    found, now = test.displaced, run
+    if test.accepted or found is None:
+        return run, test
+    for _ in range(_SOUNDINGS):
+        places = Soundings.of(found.depths, now.structure, now.views.cameras.footprint())
+        before = now
+        now, _ = _descend(now, ties, _WINDOWS[-1:], free_poses, places)
+        found = now.displaced()
+        if _largest_move(before.mesh, now.mesh) < _STILL:
+            break
+    verdict = now.test(settings)
+    closer = verdict.displaced is not None and verdict.displaced.area < test.displaced.area
+    return (now, verdict) if closer and _no_worse(verdict, test) else (run, test)
+
+
 def _descend(
-    run: _Run, ties: Sequence[Tie], windows: Sequence[tuple[float, float]], free_poses: bool
+    run: _Run,
+    ties: Sequence[Tie],
+    windows: Sequence[tuple[float, float]],
+    free_poses: bool,
+    soundings: Soundings | None = None,
 ) -> tuple[_Run, Step]:
     """Iterate over the search windows, the last one until the step is small."""
     schedule = [*windows, *([windows[-1]] * _MOST_LAST)]
     for number, (window, interior) in enumerate(schedule):
         seen, found = run.observe(window, interior)
         rows: list[Row] = [*tangent_rows(run.structure, run.state.surfaces), *tie_rows(ties, run.state.surfaces)]
-        result = step(run.state, run.prior, seen, found, run.structure, run.views.cameras, rows, free_poses)
+        result = step(run.state, run.prior, seen, found, run.structure, run.views.cameras, rows, free_poses, soundings)
         run = run.moved(result.state)
         if number >= len(windows) and result.largest < _SETTLED:
             break

@@ -10,6 +10,7 @@ from brepgaussian.brep.refine.constraints import Row
 from brepgaussian.brep.refine.observe import Found
 from brepgaussian.brep.refine.parameters import COUNT, derivative, difference, prior_sigmas, update
 from brepgaussian.brep.refine.samples import pose_rows
+from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
 from brepgaussian.brep.structure import CONCAVE, Structure
 from brepgaussian.geometry.cameras import Cameras
@@ -92,6 +93,7 @@ def step(
     cameras: Cameras,
     rows: Sequence[Row],
     free_poses: bool,
+    soundings: Soundings | None = None,
 ) -> Step:
     """Solve the linearised problem with iterated Tukey weights and move the surfaces."""
     start = np.concatenate([[0], np.cumsum([COUNT[s.kind] for s in state.surfaces])]).astype(int)
@@ -109,6 +111,9 @@ def step(
         weight = _capped(_weights(now / sigma, kind, group) / sigma**2, group, kind, bias)
         matrix, right = problem.normal(weight, offset)
         matrix += fixed
+        if soundings is not None:
+            below = soundings.normal(state.surfaces, start, size, delta)
+            matrix, right = matrix + below[0], right + below[1]
         delta = np.linalg.solve(matrix, right + target)
     surfaces = tuple(update(s, delta[a:b]) for s, a, b in zip(state.surfaces, start[:-1], start[1:], strict=True))
     poses = state.poses + (delta[pose_at:].reshape(-1, 3) if free_poses else 0.0)

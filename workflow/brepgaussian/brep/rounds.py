@@ -1,0 +1,145 @@
+"""Fillets that the points do not have, proposed where parallax puts faces elsewhere beside a sharp edge.
+
+In a pocket's corner, or where a web meets a flange, no silhouette shows a fillet, and the hull is as sharp as it is
+round. Edges and masks agree with the sharp solid; the grey of the rounded surface follows the slant of the views.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.features import SPACING, WIDTHS, numbered, trimmed
+from brepgaussian.brep.fillets import rolling, touching
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.simplify import Change
+from brepgaussian.brep.structure import CONCAVE, CONVEX, Edge, Structure
+from brepgaussian.geometry.chains import resample
+from brepgaussian.geometry.surfaces import Surface
+
+Array = NDArray[np.float64]
+
+_BESIDE = 0.06  # from an edge to the places that speak for a fillet on it, unit frame: the largest radius
+_BLUNT = 0.9  # |cosine| between planes whose edge is too blunt or too sharp
+_SQUARE = 1e-3  # sine between a plane's normal and a cylinder's axis that a torus rounds off
+_ALIKE = 0.02  # of their length that two edges of a set differ by,
+_PARALLEL = np.cos(np.radians(2.0))  # and between their directions
+_FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's end the faces are hardly off
+_MOST_SETS = 2  # that are tried, those with most places first
+_MARGIN = 0.05  # of a fillet's width without made points, at either end
+
+
+def fillets(structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], off: Array) -> list[Change]:
+    """One change for every radius and set of edges: fillets on edges beside places that lie elsewhere.
+
+    Args:
+        structure: of the solid that the images judged.
+        surfaces: that it names; the first ones belong to `patches`.
+        patches: that it was built from.
+        off: (P, 4) places and by how many px the surface should lie deeper.
+    """
+    near = _beside(structure, off)
+    print(
+        "NEAR",
+        {k: len(v) for k, v in near.items()},
+        [
+            (k, e.convexity, np.round(e.polyline.mean(0), 2), e.surfaces)
+            for k, e in enumerate(structure.edges)
+            if k in near
+        ],
+    )
+    if not near:
+        return []
+    reach = float(np.quantile(np.concatenate(list(near.values())), _FAR))
+    sets = {tuple(_set_of(structure.edges, index)) for index in near}
+    told = {s: sum(len(near[k]) for k in s if k in near) for s in sets}
+    order = sorted(sets, key=lambda s: (-told[s], s))[:_MOST_SETS]
+    radii = sorted(WIDTHS, key=lambda radius: abs(np.log(radius / max(reach, SPACING))))
+    found = (_filleted([structure.edges[k] for k in s], surfaces, patches, radius) for s in order for radius in radii)
+    return [change for change in found if change is not None]
+
+
+def _beside(structure: Structure, off: Array) -> dict[int, Array]:
+    """Edges that displaced places lie beside, and their distances: before concave edges, behind convex ones."""
+    found: dict[int, list[float]] = {}
+    for convexity, rows in ((CONCAVE, off[off[:, 3] < 0]), (CONVEX, off[off[:, 3] > 0])):
+        edges = [k for k, e in enumerate(structure.edges) if e.convexity == convexity and len(e.polyline) > 1]
+        if not edges or not len(rows):
+            continue
+        lines = [_dense(structure.edges[k].polyline) for k in edges]
+        owner = np.repeat(edges, [len(line) for line in lines])
+        distance, index = cKDTree(np.concatenate(lines)).query(rows[:, :3], distance_upper_bound=_BESIDE)
+        for far, at in zip(distance, index, strict=True):
+            if np.isfinite(far):
+                found.setdefault(int(owner[at]), []).append(float(far))
+    return {k: np.array(v) for k, v in sorted(found.items())}
+
+
+def _set_of(edges: Sequence[Edge], index: int) -> list[int]:
+    """Straight edges as long as one, parallel to it and of the same sign: the corners of a pocket; itself at least."""
+    one = edges[index]
+    if one.kind != "line":
+        return [index]
+    return [k for k, e in enumerate(edges)
+            if e.kind == "line" and e.convexity == one.convexity and _as_long(e, one)]  # fmt: skip
+
+
+def _as_long(first: Edge, second: Edge) -> bool:
+    spans = [e.polyline[-1] - e.polyline[0] for e in (first, second)]
+    lengths = [float(np.linalg.norm(s)) for s in spans]
+    along = abs(float(spans[0] @ spans[1])) / max(lengths[0] * lengths[1], SPACING**2)
+    return along > _PARALLEL and abs(lengths[0] - lengths[1]) < _ALIKE * max(lengths)
+
+
+def _filleted(
+    edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], radius: float
+) -> Change | None:
+    """Fillets of one radius on edges, with what remains of the neighbours' points."""
+    bands: list[tuple[Surface, Array]] = []
+    lines: dict[int, list[Array]] = {}
+    for edge in edges:
+        if max(edge.surfaces) >= len(patches) or min(edge.surfaces) < 0:
+            continue
+        pair = surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]]
+        made = _surface(pair, radius if edge.convexity == CONVEX else -radius)
+        if made is None:
+            continue
+        bands.append((made, _band(made, pair, edge.polyline)))
+        for s in edge.surfaces:
+            lines.setdefault(s, []).append(edge.polyline)
+    left = trimmed(patches, lines, radius)
+    if not bands or left is None:
+        return None
+    new = numbered(bands, patches)
+    return Change(f"{len(new)} fillets of radius {radius:g}", tuple(sorted(lines)), (*left, *new))
+
+
+def _surface(pair: tuple[Surface, Surface], radius: float) -> Surface | None:
+    """The fillet between two planes, or a plane and a cylinder across it; radius positive on a convex edge."""
+    kinds = [s.kind for s in pair]
+    if kinds == ["plane", "plane"]:
+        return rolling(*pair, radius) if abs(pair[0].axis @ pair[1].axis) < _BLUNT else None
+    if sorted(kinds) != ["cylinder", "plane"]:
+        return None
+    floor, wall = pair if kinds[0] == "plane" else pair[::-1]
+    square = float(np.linalg.norm(np.cross(floor.axis, wall.axis))) < _SQUARE
+    return touching(wall, floor, radius) if square and wall.radius - radius * wall.sign > abs(radius) else None
+
+
+def _band(made: Surface, pair: tuple[Surface, Surface], polyline: Array) -> Array:
+    """(N, 3) points on a fillet between the lines in which it touches its two neighbours."""
+    spine = _dense(polyline)
+    on = made.project(spine)
+    tube = made.minor if made.kind == "torus" else made.radius
+    centre = on - made.sign * tube * made.normals(on)
+    ends = [s.project(centre) for s in pair]
+    count = max(int(np.linalg.norm(ends[1] - ends[0], axis=1).max() / SPACING), 3)
+    share = np.linspace(_MARGIN, 1 - _MARGIN, count)[:, None, None]
+    return made.project(((1 - share) * ends[0] + share * ends[1]).reshape(-1, 3))
+
+
+def _dense(polyline: Array) -> Array:
+    """(N, 3) points along an edge."""
+    length = float(np.linalg.norm(np.diff(polyline, axis=0), axis=1).sum())
+    return resample(polyline, max(int(length / SPACING), 2))
