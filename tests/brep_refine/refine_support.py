@@ -75,8 +75,9 @@ def perturbed(surfaces, seed: int, angle_deg: float = 0.5, length: float = 0.003
 
 def start_of(solid, surfaces, seed: int, angle_deg: float = 0.5, length: float = 0.003):
     """Structure and mesh of a solid whose surfaces are perturbed (as an assembly of bad primitives has)."""
+    from brepgaussian.brep.refine.descent import move_structure
     from brepgaussian.brep.refine.mesh import follow
-    from brepgaussian.brep.refine.refinement import _anchored, move_structure
+    from brepgaussian.brep.refine.refinement import _anchored
 
     structure, mesh = extract(solid, surfaces), from_solid(solid)
     moved = perturbed(_anchored(structure, mesh, surfaces), seed, angle_deg, length)

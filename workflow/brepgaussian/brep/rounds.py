@@ -40,15 +40,6 @@ def fillets(structure: Structure, surfaces: Sequence[Surface], patches: Sequence
         off: (P, 4) places and by how many px the surface should lie deeper.
     """
     near = _beside(structure, off)
-    print(
-        "NEAR",
-        {k: len(v) for k, v in near.items()},
-        [
-            (k, e.convexity, np.round(e.polyline.mean(0), 2), e.surfaces)
-            for k, e in enumerate(structure.edges)
-            if k in near
-        ],
-    )
     if not near:
         return []
     reach = float(np.quantile(np.concatenate(list(near.values())), _FAR))

@@ -68,6 +68,13 @@ class Displaced:
     depths: Depths
 
     @property
+    def misfit(self) -> float:
+        """Root mean square of the told depths over their errors, each no more than some."""
+        found = self.depths
+        size = np.minimum(np.abs(found.depth) / found.sigma, _SIGMAS)[found.told]
+        return float(np.sqrt(np.mean(size**2))) if len(size) else 0.0
+
+    @property
     def places(self) -> Array:
         """(P, 4) centres of those that lie elsewhere (unit frame), and by how many px the surface should be deeper."""
         found = self.depths

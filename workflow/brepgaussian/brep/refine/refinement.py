@@ -3,42 +3,31 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance, judge, judge_faces, watch
-from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
-from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
-from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
-from brepgaussian.brep.refine.parallax import Displaced, displaced
+from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance
+from brepgaussian.brep.refine.descent import WINDOWS, Run, descend, largest_move, move_structure, sounded
+from brepgaussian.brep.refine.mesh import FaceMesh, follow
+from brepgaussian.brep.refine.observe import prepare
 from brepgaussian.brep.refine.parameters import recentre
 from brepgaussian.brep.refine.regularity import given, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
-from brepgaussian.brep.refine.solve import TONES, Prior, State, Step, residuals, step
-from brepgaussian.brep.refine.soundings import Soundings
-from brepgaussian.brep.refine.visibility import SILHOUETTE, Scene, Seen, compare_masks
+from brepgaussian.brep.refine.solve import TONES, Prior, State, residuals
+from brepgaussian.brep.refine.visibility import SILHOUETTE
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
-from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
-# Search windows (silhouettes, interior edges) in px, one iteration each; the last is repeated until it settles.
-_WINDOWS = ((12.0, 6.0), (6.0, 4.0), (3.0, 3.0), (2.0, 2.0))
-_MOST_LAST = 3
-_WIDE_SHARE = 4  # of the observations is enough while windows are wide
-_SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _IOU_SLACK = 1e-3  # loss of IoU that no better edge makes up for
 _PX_SLACK = 1.1  # by which the worst edge may lose where the masks gain: a solid with a wrong edge is refined too
 _TWIN = 1e-6  # distance within which two surfaces are the same
 _PROBES = 0.2 * np.random.default_rng(0).uniform(-1, 1, (12, 3))  # places where surfaces are compared
-_SOUNDINGS = 8  # rounds with depths, each of which halves what is left of the error,
-_STILL = 1e-4  # unit frame, a twentieth of a pixel: until no vertex moves by more
 _POSE_PX = 0.1  # median silhouette residual above which poses are freed
 _POSE_GAIN = 0.7  # freed poses are kept if they reduce it below this share
 
@@ -70,49 +59,6 @@ class RefineResult:
     poses: Array
     tone: Array
     report: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass
-class _Run:
-    """The inputs and the present solid."""
-
-    structure: Structure
-    mesh: FaceMesh
-    state: State
-    prior: Prior
-    views: Views
-    images: Images
-    limit: int
-    _watched: dict[int, Seen] = field(default_factory=dict, init=False)  # by the limit; another run has its own
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The present triangulation for ray casting."""
-        return Scene(self.mesh)
-
-    def moved(self, state: State) -> "_Run":
-        """With surfaces moved, and mesh and structure behind them."""
-        structure = move_structure(self.structure, state.surfaces)
-        return replace(self, state=state, structure=structure, mesh=follow(self.mesh, self.structure, state.surfaces))
-
-    def observe(self, window: float, interior: float) -> tuple[Seen, Found]:
-        """Measure all edges; a wide search needs fewer samples."""
-        limit = self.limit if window <= _WINDOWS[-1][0] else self.limit // _WIDE_SHARE
-        if limit not in self._watched:
-            self._watched[limit] = watch(self.mesh, self.scene, self.structure, self.state, self.views, limit)
-        seen = self._watched[limit]
-        return seen, measure(self.images, seen, window, interior)
-
-    def test(self, settings: BrepSettings) -> Acceptance:
-        """The acceptance test."""
-        seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
-        masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
-        test = judge(seen, found, self.structure, self.state.tone, masks, settings)
-        return judge_faces(test, self.scene, self.structure, self.images, self.views, self.state.poses, settings)
-
-    def displaced(self) -> Displaced:
-        """What parallax places elsewhere."""
-        return displaced(self.scene, self.structure, Shown.of(self.views, self.images.noise), self.state.poses)
 
 
 def refine(
@@ -167,25 +113,29 @@ def _refine(
     anchored = tuple(_anchored(structure, mesh, surfaces))
     prior = Prior(anchored, np.radians(settings.refine_angle_deg), settings.refine_length)
     state = State(anchored, np.zeros(TONES), np.zeros((len(views.cameras), 3)))
-    start = _Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
+    start = Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
     before = start.test(settings)
-    run, last = _descend(start, [], _WINDOWS, False)
+    run, last = descend(start, [], WINDOWS, False)
     freed = False
     if settings.refine_poses and _typical(run) > _POSE_PX:
-        other, other_last = _descend(run, [], _WINDOWS[1:], True)
+        other, other_last = descend(run, [], WINDOWS[1:], True)
         if _typical(other) < _POSE_GAIN * _typical(run):
             run, last, freed = other, other_last, True
     ties = shown(run.structure, run.state.surfaces, last)
     designed = unopposed(given(start.structure, anchored, last), ties, run.state.surfaces)
     free = run
-    run, _ = _descend(free, ties, _WINDOWS[-1:], freed)
+    run, _ = descend(free, ties, WINDOWS[-1:], freed)
     after = run.test(settings)
     if designed:
-        other, _ = _descend(free, [*ties, *designed], _WINDOWS[-1:], freed)
+        other, _ = descend(free, [*ties, *designed], WINDOWS[-1:], freed)
         verdict = other.test(settings)
         if _no_worse(verdict, after):
             run, after, ties = other, verdict, [*ties, *designed]
-    run, after = _sounded(run, after, ties, freed, settings)
+    if after.displaced is not None and after.displaced.depths.told.any():
+        other = sounded(run, after.displaced, ties, freed)
+        verdict = other.test(settings)
+        if _closer(verdict, after):
+            run, after = other, verdict
     kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
@@ -196,7 +146,7 @@ def _refine(
         "tone_px": [float(t) for t in result.state.tone],
         "poses_freed": freed and kept,
         "relations": [[t.kind, *t.members] for t in ties],
-        "largest_move": _largest_move(start.mesh, result.mesh),
+        "largest_move": largest_move(start.mesh, result.mesh),
         "image_noise": start.images.noise,
         "edges": verdict.edges,
         "faces": verdict.faces,
@@ -224,77 +174,19 @@ def _no_worse(new: Acceptance, old: Acceptance) -> bool:
     return not worse and new.mask_iou > old.mask_iou - IOU_NOISE
 
 
-def _sounded(
-    run: _Run, test: Acceptance, ties: Sequence[Tie], free_poses: bool, settings: BrepSettings
-) -> tuple[_Run, Acceptance]:
-    """The solid with its surfaces also through the places whose depth parallax tells, and its test, if that is better.
-
-    Greys are linear in a surface's error only nearly: depths are told again until nothing moves.
-    """
-    found, now = test.displaced, run
-    if test.accepted or found is None:
-        return run, test
-    for _ in range(_SOUNDINGS):
-        places = Soundings.of(found.depths, now.structure, now.views.cameras.footprint())
-        before = now
-        now, _ = _descend(now, ties, _WINDOWS[-1:], free_poses, places)
-        found = now.displaced()
-        if _largest_move(before.mesh, now.mesh) < _STILL:
-            break
-    verdict = now.test(settings)
-    closer = verdict.displaced is not None and verdict.displaced.area < test.displaced.area
-    return (now, verdict) if closer and _no_worse(verdict, test) else (run, test)
+def _closer(new: Acceptance, old: Acceptance) -> bool:
+    """Whether parallax places less of a solid elsewhere, and the images like it no less."""
+    if new.displaced is None or old.displaced is None or new.displaced.area > old.displaced.area:
+        return False
+    return new.displaced.misfit < old.displaced.misfit and _no_worse(new, old)
 
 
-def _descend(
-    run: _Run,
-    ties: Sequence[Tie],
-    windows: Sequence[tuple[float, float]],
-    free_poses: bool,
-    soundings: Soundings | None = None,
-) -> tuple[_Run, Step]:
-    """Iterate over the search windows, the last one until the step is small."""
-    schedule = [*windows, *([windows[-1]] * _MOST_LAST)]
-    for number, (window, interior) in enumerate(schedule):
-        seen, found = run.observe(window, interior)
-        rows: list[Row] = [*tangent_rows(run.structure, run.state.surfaces), *tie_rows(ties, run.state.surfaces)]
-        result = step(run.state, run.prior, seen, found, run.structure, run.views.cameras, rows, free_poses, soundings)
-        run = run.moved(result.state)
-        if number >= len(windows) and result.largest < _SETTLED:
-            break
-    return run, result
-
-
-def _typical(run: _Run) -> float:
+def _typical(run: Run) -> float:
     """Median |silhouette residual| in px."""
     seen, found = run.observe(WINDOW_PX, WINDOW_PX / 2)
     outline = np.abs(residuals(seen, found, run.state.tone)[seen.kind == SILHOUETTE])
     outline = outline[np.isfinite(outline)]
     return float(np.median(outline)) if len(outline) else 0.0
-
-
-def move_structure(structure: Structure, surfaces: Sequence[Surface]) -> Structure:
-    """Edges' polylines and vertices onto moved surfaces."""
-    lines = [(e.polyline, sorted({s for s in e.surfaces if s >= 0})) for e in structure.edges]
-    corners = [(v.point[None], [s for s in v.surfaces if s >= 0]) for v in structure.vertices]
-    moved = _slaved([*lines, *corners], surfaces)
-    edges = tuple(replace(e, polyline=p) for e, p in zip(structure.edges, moved, strict=False))
-    points = moved[len(edges) :]
-    vertices = tuple(replace(v, point=p[0]) for v, p in zip(structure.vertices, points, strict=True))
-    return replace(structure, edges=edges, vertices=vertices)
-
-
-def _slaved(parts: Sequence[tuple[Array, list[int]]], surfaces: Sequence[Surface]) -> list[Array]:
-    """Each (N, 3) array of points onto the surfaces named with it; those with as many surfaces in one go."""
-    result = [points for points, _ in parts]
-    for width in {len(known) for _, known in parts} - {0}:
-        chosen = [i for i, (_, known) in enumerate(parts) if len(known) == width]
-        counts = [len(parts[i][0]) for i in chosen]
-        table = np.repeat(np.array([parts[i][1] for i in chosen], np.int64), counts, axis=0)
-        moved = slave(np.concatenate([parts[i][0] for i in chosen]), table, surfaces)
-        for i, points in zip(chosen, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
-            result[i] = points
-    return result
 
 
 def _anchored(structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface]) -> list[Surface]:
@@ -307,7 +199,7 @@ def _anchored(structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface])
     return result
 
 
-def _with_twins(structure: Structure, before: Sequence[Surface], run: _Run) -> tuple[Surface, ...]:
+def _with_twins(structure: Structure, before: Sequence[Surface], run: Run) -> tuple[Surface, ...]:
     """The refined surfaces; one that no face names, since it was the same as another, follows that one."""
     used = sorted({f.surface for f in structure.faces if f.surface >= 0})
     result = list(run.state.surfaces)
@@ -334,11 +226,7 @@ def better(after: Acceptance, before: Acceptance) -> bool:
         return False
     if not after.accepted and after.silhouette_px > _PX_SLACK * before.silhouette_px:  # NaN compares false
         return False
-    return after.mask_iou > before.mask_iou or after.silhouette_px < before.silhouette_px
-
-
-def _largest_move(before: FaceMesh, after: FaceMesh) -> float:
-    return float(np.linalg.norm(after.vertices - before.vertices, axis=1).max(initial=0.0))
+    return after.mask_iou > before.mask_iou or after.silhouette_px < before.silhouette_px or _closer(after, before)
 
 
 def _number(value: float) -> float | None:

@@ -1,0 +1,86 @@
+"""Fillets proposed beside places that parallax puts elsewhere."""
+
+import numpy as np
+import pytest
+from brepgaussian.brep.features import WIDTHS
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.rounds import fillets
+from brepgaussian.brep.structure import Edge, Structure
+from brepgaussian.geometry.surfaces import cylinder, plane
+
+X, Y, UP = np.eye(3)
+
+
+def patches_of(surfaces, clouds):
+    return [
+        Patch(s, k, x, s.normals(x).copy(), 0.02, 0.002) for k, (s, x) in enumerate(zip(surfaces, clouds, strict=True))
+    ]
+
+
+def pocket():
+    """The four walls of a square pocket, whose normals look inwards, and its four corners as edges."""
+    rng = np.random.default_rng(0)
+    surfaces, clouds, edges = [], [], []
+    for normal in (X, Y, -X, -Y):
+        across = np.cross(UP, normal)
+        surfaces.append(plane(0.5 - 0.3 * normal, normal))
+        clouds.append(
+            0.5 - 0.3 * normal + rng.uniform(-0.3, 0.3, (2000, 1)) * across + rng.uniform(-0.2, 0.2, (2000, 1)) * UP
+        )
+    for k in range(4):
+        corner = 0.5 - 0.3 * (surfaces[k].axis + surfaces[(k + 1) % 4].axis)
+        line = corner + np.linspace(-0.2, 0.2, 40)[:, None] * UP
+        pair = (k, (k + 1) % 4)
+        edges.append(Edge(pair, pair, "line", line, "concave", (2 * k, 2 * k + 1), (0.0, 0.4), False))
+    return Structure((), tuple(edges), ()), surfaces, patches_of(surfaces, clouds)
+
+
+def beside(edge, surfaces, away, depth):
+    """Places beside the middle of an edge, on its first face."""
+    first, second = (surfaces[s] for s in edge.surfaces)
+    at = edge.polyline[len(edge.polyline) // 2] + away * second.axis
+    return np.array([[*first.project(at[None])[0], depth]] * 3)
+
+
+def test_all_corners_of_a_pocket_get_the_fillet_that_one_shows():
+    structure, surfaces, patches = pocket()
+    found = fillets(structure, surfaces, patches, beside(structure.edges[0], surfaces, 0.02, -1.0))
+    assert len(found) == len(WIDTHS)
+    assert sorted({c.new[-1].surface.radius for c in found}) == sorted(WIDTHS)
+    assert found[0].new[-1].surface.radius < max(WIDTHS)  # the size that the places speak for comes first
+    for change in found:
+        walls, bands = change.new[:4], change.new[4:]
+        assert len(bands) == 4
+        for edge, band in zip(structure.edges, bands, strict=True):
+            round_ = band.surface
+            assert round_.flipped  # a concave fillet
+            for s in edge.surfaces:
+                axis_away = (round_.origin - surfaces[s].origin) @ surfaces[s].axis
+                np.testing.assert_allclose(axis_away, round_.radius, atol=1e-12)
+                assert (surfaces[s].signed_distance(band.xyz) > -1e-12).all()  # before both walls
+                assert (surfaces[s].signed_distance(band.xyz) < round_.radius).all()
+        assert all(len(w.xyz) < len(p.xyz) for w, p in zip(walls, patches, strict=True))
+
+
+def test_a_floor_and_a_bore_get_a_torus():
+    rng, turn = np.random.default_rng(1), np.linspace(0, 2 * np.pi, 120)
+    surfaces = [cylinder(np.full(3, 0.5), UP, 0.3, flipped=True), plane(np.array([0.5, 0.5, 0.3]), UP)]
+    angle, rho = rng.uniform(0, 2 * np.pi, 3000), 0.3 * np.sqrt(rng.random(3000))
+    wall = np.column_stack([0.3 * np.cos(angle), 0.3 * np.sin(angle), rng.uniform(-0.2, 0.3, 3000)]) + 0.5
+    floor = np.column_stack([0.5 + rho * np.cos(angle), 0.5 + rho * np.sin(angle), np.full(3000, 0.3)])
+    line = np.column_stack([0.5 + 0.3 * np.cos(turn), 0.5 + 0.3 * np.sin(turn), np.full(120, 0.3)])
+    structure = Structure((), (Edge((0, 1), (0, 1), "circle", line, "concave", (0, 0), (0, 2 * np.pi), True),), ())
+    off = np.array([[0.78, 0.5, 0.3, -0.8]])
+    for change in fillets(structure, surfaces, patches_of(surfaces, [wall, floor]), off):
+        made = change.new[-1].surface
+        assert made.kind == "torus"
+        np.testing.assert_allclose([made.radius + made.minor, made.origin[2] - made.minor], [0.3, 0.3], atol=1e-12)
+        assert np.abs(made.signed_distance(change.new[-1].xyz)).max() < 1e-12
+
+
+@pytest.mark.parametrize(("away", "depth"), [(0.02, 1.0), (0.2, -1.0)])
+def test_without_a_reason_there_is_no_fillet(away, depth):
+    """A concave edge's faces that should lie deeper, and places far from every edge, speak for none."""
+    structure, surfaces, patches = pocket()
+    assert fillets(structure, surfaces, patches, beside(structure.edges[0], surfaces, away, depth)) == []
+    assert fillets(structure, surfaces, patches, np.zeros((0, 4))) == []

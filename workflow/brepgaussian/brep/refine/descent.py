@@ -1,0 +1,138 @@
+"""The present solid under refinement, and its descent: measure all edges, move all surfaces, and again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, judge_faces, watch
+from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
+from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
+from brepgaussian.brep.refine.observe import Found, Images, measure
+from brepgaussian.brep.refine.parallax import Displaced, displaced
+from brepgaussian.brep.refine.solve import Prior, State, Step, step
+from brepgaussian.brep.refine.soundings import Soundings
+from brepgaussian.brep.refine.visibility import Scene, Seen, compare_masks
+from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.splatting.concave import Images as Shown
+
+Array = NDArray[np.float64]
+
+# Search windows (silhouettes, interior edges) in px, one iteration each; the last is repeated until it settles.
+WINDOWS = ((12.0, 6.0), (6.0, 4.0), (3.0, 3.0), (2.0, 2.0))
+_MOST_LAST = 3
+_WIDE_SHARE = 4  # of the observations is enough while windows are wide
+_SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
+_SOUNDINGS = 8  # rounds with depths, each of which halves what is left of the error,
+_STILL = 1e-4  # unit frame, a twentieth of a pixel: until no vertex moves by more
+
+
+@dataclass
+class Run:
+    """The inputs and the present solid."""
+
+    structure: Structure
+    mesh: FaceMesh
+    state: State
+    prior: Prior
+    views: Views
+    images: Images
+    limit: int
+    _watched: dict[int, Seen] = field(default_factory=dict, init=False)  # by the limit; another run has its own
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The present triangulation for ray casting."""
+        return Scene(self.mesh)
+
+    def moved(self, state: State) -> "Run":
+        """With surfaces moved, and mesh and structure behind them."""
+        structure = move_structure(self.structure, state.surfaces)
+        return replace(self, state=state, structure=structure, mesh=follow(self.mesh, self.structure, state.surfaces))
+
+    def observe(self, window: float, interior: float) -> tuple[Seen, Found]:
+        """Measure all edges; a wide search needs fewer samples."""
+        limit = self.limit if window <= WINDOWS[-1][0] else self.limit // _WIDE_SHARE
+        if limit not in self._watched:
+            self._watched[limit] = watch(self.mesh, self.scene, self.structure, self.state, self.views, limit)
+        seen = self._watched[limit]
+        return seen, measure(self.images, seen, window, interior)
+
+    def test(self, settings: BrepSettings) -> Acceptance:
+        """The acceptance test."""
+        seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
+        masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
+        test = judge(seen, found, self.structure, self.state.tone, masks, settings)
+        return judge_faces(test, self.scene, self.structure, self.images, self.views, self.state.poses, settings)
+
+    def displaced(self) -> Displaced:
+        """What parallax places elsewhere."""
+        return displaced(self.scene, self.structure, Shown.of(self.views, self.images.noise), self.state.poses)
+
+
+def descend(
+    run: Run,
+    ties: Sequence[Tie],
+    windows: Sequence[tuple[float, float]],
+    free_poses: bool,
+    soundings: Soundings | None = None,
+) -> tuple[Run, Step]:
+    """Iterate over the search windows, the last one until the step is small."""
+    schedule = [*windows, *([windows[-1]] * _MOST_LAST)]
+    for number, (window, interior) in enumerate(schedule):
+        seen, found = run.observe(window, interior)
+        rows: list[Row] = [*tangent_rows(run.structure, run.state.surfaces), *tie_rows(ties, run.state.surfaces)]
+        result = step(run.state, run.prior, seen, found, run.structure, run.views.cameras, rows, free_poses, soundings)
+        run = run.moved(result.state)
+        if number >= len(windows) and result.largest < _SETTLED:
+            break
+    return run, result
+
+
+def sounded(run: Run, found: Displaced, ties: Sequence[Tie], free_poses: bool) -> Run:
+    """The solid with its surfaces also through the places whose depth parallax tells.
+
+    Greys are linear in a surface's error only nearly: depths are told again until nothing moves.
+    """
+    for _ in range(_SOUNDINGS):
+        places = Soundings.of(found.depths, run.structure, run.views.cameras.footprint())
+        before = run
+        run, _ = descend(run, ties, WINDOWS[-1:], free_poses, places)
+        if largest_move(before.mesh, run.mesh) < _STILL:
+            break
+        found = run.displaced()
+    return run
+
+
+def move_structure(structure: Structure, surfaces: Sequence[Surface]) -> Structure:
+    """Edges' polylines and vertices onto moved surfaces."""
+    lines = [(e.polyline, sorted({s for s in e.surfaces if s >= 0})) for e in structure.edges]
+    corners = [(v.point[None], [s for s in v.surfaces if s >= 0]) for v in structure.vertices]
+    moved = _slaved([*lines, *corners], surfaces)
+    edges = tuple(replace(e, polyline=p) for e, p in zip(structure.edges, moved, strict=False))
+    points = moved[len(edges) :]
+    vertices = tuple(replace(v, point=p[0]) for v, p in zip(structure.vertices, points, strict=True))
+    return replace(structure, edges=edges, vertices=vertices)
+
+
+def _slaved(parts: Sequence[tuple[Array, list[int]]], surfaces: Sequence[Surface]) -> list[Array]:
+    """Each (N, 3) array of points onto the surfaces named with it; those with as many surfaces in one go."""
+    result = [points for points, _ in parts]
+    for width in {len(known) for _, known in parts} - {0}:
+        chosen = [i for i, (_, known) in enumerate(parts) if len(known) == width]
+        counts = [len(parts[i][0]) for i in chosen]
+        table = np.repeat(np.array([parts[i][1] for i in chosen], np.int64), counts, axis=0)
+        moved = slave(np.concatenate([parts[i][0] for i in chosen]), table, surfaces)
+        for i, points in zip(chosen, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
+            result[i] = points
+    return result
+
+
+def largest_move(before: FaceMesh, after: FaceMesh) -> float:
+    """How far the farthest vertex of a triangulation moved, unit frame."""
+    return float(np.linalg.norm(after.vertices - before.vertices, axis=1).max(initial=0.0))
