@@ -5,13 +5,14 @@ import threading
 import numpy as np
 import pytest
 from brepgaussian.artifacts.primitives import Primitive, Primitives
-from brepgaussian.brep import occ
+from brepgaussian.brep import occ, publish
 from brepgaussian.brep.gate import integrity
 from brepgaussian.brep.ladder import climb, make_job
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
 from brepgaussian.settings.brep import BrepSettings
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 
 SETTINGS = BrepSettings()
 
@@ -126,3 +127,14 @@ def test_a_solid_that_a_step_file_does_not_give_back_is_not_published(kit, worke
     assert len(asked) >= 1
     assert outcome.shape != asked[0] or outcome.report["fallback"]
     assert integrity(occ.from_bytes(outcome.shape)) == ()
+
+
+def test_a_solid_that_is_valid_in_one_scale_only_is_not_written(monkeypatch, tmp_path):
+    """The kernel forgives more the larger a part is: here nothing smaller than 2 mm."""
+    box = occ.to_bytes(BRepPrimAPI_MakeBox(1.0, 1.0, 1.0).Shape())
+    world = np.diag([60.0, 60.0, 60.0, 1.0])
+    publish.write_step(box, world, "mm", "part", str(tmp_path / "good.step"))
+    monkeypatch.setattr(publish.solid, "is_valid", lambda shape: np.ptp(occ.bounds(shape), axis=0).max() > 2)
+    with pytest.raises(StageError, match="in its own scale only"):
+        publish.write_step(box, world, "mm", "part", str(tmp_path / "bad.step"))
+    assert not (tmp_path / "bad.step").exists()
