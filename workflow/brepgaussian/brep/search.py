@@ -55,6 +55,8 @@ class Search:
     def run(self) -> Polished | None:
         """The best solid, judged by the images where there are some; None if no rung gives one fit to publish."""
         first = self._first()
+        if first is not None and first.report.get("accepted") is False:
+            first = self._bordered(first)
         winner, best = self._against_others(first)
         if best is None or self.views is None:
             return best
@@ -193,14 +195,30 @@ class Search:
     def _badness(self, polished: Polished) -> float:
         return badness(polished.report, self.job.settings)
 
+    def _bordered(self, best: Polished) -> Polished:
+        """A refused solid with other borders beside its fillets: a smaller change than to start afresh."""
+        trials = self._trials(best)
+        if trials is None:
+            return best
+        better = trials.bordered()
+        self.job = trials.job
+        return better
+
     def _simplified(self, best: Polished) -> Polished:
         """The solid after simpler ones were tried."""
+        trials = self._trials(best)
+        return best if trials is None else trials.run()
+
+    def _trials(self, best: Polished) -> Trials | None:
+        """Changes of a solid, judged by the images; None without them."""
         settings = self.job.settings
         if self.views is None or not (settings.simplify and settings.refine):
-            return best
-        rung = self._rung(best.attempt.rung)
+            return None
         left = Budget(settings.simplify_solids, settings.simplify_trials)
-        return Trials(self.worker, self.views, self.job, rung, best, left).run()
+        notes = list(best.report.get("trials", []))
+        refused = {note["changes"][0] for note in notes if note["fault"] and len(note["changes"]) == 1}
+        rung = self._rung(best.attempt.rung)
+        return Trials(self.worker, self.views, self.job, rung, best, left, notes, refused)
 
 
 def _beyond_doubt(best: Polished, job: Job) -> bool:

@@ -50,8 +50,7 @@ class Trials:
         for change in self._chamfers():
             if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
-        for change in self._borders():
-            self._tried([change], slack=0.0)  # the points are why: they have to like it
+        self.bordered()
         while not self.left.spent:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
@@ -62,6 +61,17 @@ class Trials:
         for change in rounded:
             if self._tried([change], simpler=False):
                 break
+        return self._noted()
+
+    def bordered(self) -> Polished:
+        """Try other borders between fillets and the faces beside them."""
+        for change in self._borders():
+            if change.name not in self.refused:
+                self._tried([change], slack=0.0)  # the points are why: they have to like it
+        return self._noted()
+
+    def _noted(self) -> Polished:
+        """The best solid, with what was tried in its report."""
         if self.notes:
             self.best.report["trials"] = self.notes
         return self.best
