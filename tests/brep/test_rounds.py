@@ -2,11 +2,17 @@
 
 import numpy as np
 import pytest
+from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import WIDTHS
+from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.rounds import fillets
 from brepgaussian.brep.structure import Edge, Structure
+from brepgaussian.brep.trials import Trials
+from brepgaussian.brep.verdict import Verdict
 from brepgaussian.geometry.surfaces import cylinder, plane
+from brepgaussian.settings.brep import BrepSettings
 
 X, Y, UP = np.eye(3)
 
@@ -84,3 +90,15 @@ def test_without_a_reason_there_is_no_fillet(away, depth):
     structure, surfaces, patches = pocket()
     assert fillets(structure, surfaces, patches, beside(structure.edges[0], surfaces, away, depth)) == []
     assert fillets(structure, surfaces, patches, np.zeros((0, 4))) == []
+
+
+def test_caps_that_a_solid_does_not_use_do_not_stop_the_search():
+    """The surfaces of a rebuilt solid are those of the patches and of the caps in use only."""
+    _, surfaces, patches = pocket()
+    job = Job(tuple(patches), tuple(patches[:2]), np.zeros((0, 3)), (), None, BrepSettings())
+    moved = tuple(plane(s.origin + 1e-3 * s.axis, s.axis) for s in surfaces)
+    best = Polished(Attempt("caps", None, Verdict(()), moved), {})
+    trials = Trials(None, None, job, Rung("caps", 0.04, caps=True), best, Budget(1, 1))
+    found = trials._refined()
+    assert [p.surface for p in found.patches] == list(moved)
+    assert found.caps == job.caps

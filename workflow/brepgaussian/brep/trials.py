@@ -10,7 +10,7 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, short_of, size
-from brepgaussian.brep.polish import Polished, polish, with_surfaces
+from brepgaussian.brep.polish import Polished, polish
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import fillets
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
@@ -55,12 +55,7 @@ class Trials:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
                 break
-        rounded = self._fillets()
-        self.job = self._refined()
-        self.left = Budget(_RUNGS * len(rounded), len(rounded))  # few, and what simpler solids cost is no reason
-        for change in rounded:
-            if self._tried([change], simpler=False):
-                break
+        self._rounded()
         return self._noted()
 
     def bordered(self) -> Polished:
@@ -69,6 +64,16 @@ class Trials:
             if change.name not in self.refused:
                 self._tried([change], slack=0.0)  # the points are why: they have to like it
         return self._noted()
+
+    def _rounded(self) -> None:
+        """Try fillets: few, and what simpler solids cost is no reason to leave them."""
+        changes = self._fillets()
+        if not changes:
+            return
+        self.job, self.left = self._refined(), Budget(_RUNGS * len(changes), len(changes))
+        for change in changes:
+            if self._tried([change], simpler=False):
+                break
 
     def _noted(self) -> Polished:
         """The best solid, with what was tried in its report."""
@@ -91,10 +96,10 @@ class Trials:
         return fillets(structure, self.best.attempt.surfaces, self._refined().patches, self.best.off)
 
     def _refined(self) -> Job:
-        """The job with its best solid's surfaces: fillets touch these exactly."""
-        structure = self.best.attempt.verdict.structure
-        used = {f.surface for f in structure.faces} if structure is not None else set()
-        return with_surfaces(self.job, self.rung, self.best.attempt.surfaces, used)
+        """The job with its best solid's surfaces under its patches: fillets touch these exactly. Caps stay."""
+        patches, surfaces = self.job.patches, self.best.attempt.surfaces[: len(self.job.patches)]
+        moved = (replace(p, surface=s) for p, s in zip(patches, surfaces, strict=True))
+        return replace(self.job, patches=tuple(moved))
 
     def _proposals(self) -> list[Change]:
         return proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)
