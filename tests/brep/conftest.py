@@ -1,6 +1,8 @@
-"""Small solids with a known answer, made without the bundled parts."""
+"""Small solids with a known answer, made without the bundled parts; makes `brep_support` importable."""
 
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +14,8 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.surfaces import Surface, cylinder, plane
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 SIDE = 200
 

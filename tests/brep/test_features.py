@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from brep_support import patches_of
 from brepgaussian.brep.features import WIDTHS, chamfers
-from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.structure import Edge, Structure
 from brepgaussian.geometry.surfaces import cylinder, plane
 
@@ -26,12 +26,6 @@ def round_case(hole):
     top = np.column_stack([0.5 + np.cos(angle) * rho, 0.5 + np.sin(angle) * rho, np.full(4000, HEIGHT)])
     surfaces = [cylinder(np.full(3, 0.5), UP, RADIUS, flipped=hole), plane(np.array([0.5, 0.5, HEIGHT]), UP)]
     return surfaces, patches_of(surfaces, [wall, top])
-
-
-def patches_of(surfaces, clouds):
-    return [
-        Patch(s, k, x, s.normals(x).copy(), 0.02, 0.002) for k, (s, x) in enumerate(zip(surfaces, clouds, strict=True))
-    ]
 
 
 def table(px, name="edge 0"):

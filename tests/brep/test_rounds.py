@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from brep_support import patches_of
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import WIDTHS
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.rounds import fillets
 from brepgaussian.brep.structure import Edge, Structure
@@ -15,12 +15,6 @@ from brepgaussian.geometry.surfaces import cylinder, plane
 from brepgaussian.settings.brep import BrepSettings
 
 X, Y, UP = np.eye(3)
-
-
-def patches_of(surfaces, clouds):
-    return [
-        Patch(s, k, x, s.normals(x).copy(), 0.02, 0.002) for k, (s, x) in enumerate(zip(surfaces, clouds, strict=True))
-    ]
 
 
 def pocket():

@@ -4,7 +4,7 @@ A chamfer narrower than a few point spacings melts into its neighbours. The imag
 solid has in its place lies pixels off. Chamfers of some widths are proposed there; the refinement finds the rest.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +15,11 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import CONVEX, Edge, Structure
+from brepgaussian.geometry.chains import resample
 from brepgaussian.geometry.surfaces import Surface, cone, plane
 
 Array = NDArray[np.float64]
+Maker = Callable[[tuple[Surface, Surface], Edge], tuple[Surface, Array] | None]
 
 WIDTHS = (0.03, 0.015, 0.06)  # of the legs, unit frame: the refinement's windows reach from one to the next
 _BAD_PX = 0.5  # median silhouette residual of an edge that is not where the solid has it
@@ -25,6 +27,7 @@ _SHARE_OF_WORST = 0.25  # and of the worst edge's: one wrong edge draws others w
 _PARALLEL = 1e-3  # sine between a plane's normal and a cylinder's axis whose circle is chamfered
 _ACROSS = 0.9  # |cosine| between planes whose edge is too blunt or too sharp for a chamfer
 SPACING = 0.006  # of the points that stand for a chamfer, unit frame
+_MARGIN = 0.05  # of a narrow face's width without made points, at either end
 _REACH = 2.0  # spacings
 _LEAST_LEFT = 0.3  # of a neighbour's points that must remain
 _LEAST_LENGTH = 2.0  # widths: length of an edge that is worth it
@@ -65,27 +68,45 @@ def _chamfered(
     edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float
 ) -> Change | None:
     """Chamfers of one width on edges, with what remains of the neighbours' points."""
+
+    def make(pair: tuple[Surface, Surface], edge: Edge) -> tuple[Surface, Array] | None:
+        length = float(np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1).sum())
+        made = _surface(pair, edge.polyline, width)
+        return None if made is None or length < _LEAST_LENGTH * width else (made, _band(made, pair, edge.polyline))
+
+    return placed(edges, surfaces, patches, width, make, f"chamfers {width:g} wide")
+
+
+def placed(
+    edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float, make: Maker, what: str
+) -> Change | None:
+    """Narrow faces on edges, with what remains of the neighbours' points; None if there are none or too little is left.
+
+    Args:
+        edges, surfaces, patches: of a solid.
+        width: from an edge within which the neighbours lose their points, unit frame.
+        make: a face and points (N, 3) on it for an edge's two surfaces and the edge; None if there is none.
+        what: for the change's name.
+    """
     bands: list[tuple[Surface, Array]] = []
     lines: dict[int, list[Array]] = {}
     for edge in edges:
         if max(edge.surfaces) >= len(patches) or min(edge.surfaces) < 0 or len(edge.polyline) < 2:
             continue
-        length = float(np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1).sum())
-        pair = (surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]])
-        made = _surface(pair, edge.polyline, width)
-        if made is None or length < _LEAST_LENGTH * width:
+        band = make((surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]]), edge)
+        if band is None:
             continue
-        bands.append((made, _band(made, pair, edge.polyline)))
+        bands.append(band)
         for s in edge.surfaces:
             lines.setdefault(s, []).append(edge.polyline)
-    left = trimmed(patches, lines, width)
+    left = _trimmed(patches, lines, width)
     if not bands or left is None:
         return None
-    new = numbered(bands, patches)
-    return Change(f"{len(new)} chamfers {width:g} wide", tuple(sorted(lines)), (*left, *new))
+    new = _numbered(bands, patches)
+    return Change(f"{len(new)} {what}", tuple(sorted(lines)), (*left, *new))
 
 
-def trimmed(patches: Sequence[Patch], lines: Mapping[int, Sequence[Array]], width: float) -> list[Patch] | None:
+def _trimmed(patches: Sequence[Patch], lines: Mapping[int, Sequence[Array]], width: float) -> list[Patch] | None:
     """Patches (by index) without their points within a width of lines; None if too little is left of one."""
     result = []
     for index, near in sorted(lines.items()):
@@ -97,7 +118,7 @@ def trimmed(patches: Sequence[Patch], lines: Mapping[int, Sequence[Array]], widt
     return result
 
 
-def numbered(bands: Sequence[tuple[Surface, Array]], patches: Sequence[Patch]) -> list[Patch]:
+def _numbered(bands: Sequence[tuple[Surface, Array]], patches: Sequence[Patch]) -> list[Patch]:
     """Patches of made surfaces and points (N, 3) on them, numbered after those that there are."""
     first = max((p.primitive for p in patches), default=0) + 1
     return [
@@ -130,13 +151,15 @@ def _surface(pair: tuple[Surface, Surface], polyline: Array, width: float) -> Su
 
 def _band(made: Surface, pair: tuple[Surface, Surface], polyline: Array) -> Array:
     """(N, 3) points on a chamfer between its two neighbours along an edge."""
-    steps = np.linalg.norm(np.diff(polyline, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.linspace(0, along[-1], max(int(along[-1] / SPACING), 2))
-    spine = np.column_stack([np.interp(at, along, polyline[:, k]) for k in range(3)])
-    ends = [_slide(spine, made, neighbour) for neighbour in pair]
-    width = float(np.linalg.norm(ends[1] - ends[0], axis=1).max())
-    share = np.linspace(0.05, 0.95, max(int(width / SPACING), 3))[:, None, None]
+    length = float(np.linalg.norm(np.diff(polyline, axis=0), axis=1).sum())
+    spine = resample(polyline, max(int(length / SPACING), 2) - 1)
+    return strip(made, [_slide(spine, made, neighbour) for neighbour in pair])
+
+
+def strip(made: Surface, ends: Sequence[Array]) -> Array:
+    """(N, 3) points on a narrow face between the two lines (M, 3) at which it ends."""
+    count = max(int(np.linalg.norm(ends[1] - ends[0], axis=1).max() / SPACING), 3)
+    share = np.linspace(_MARGIN, 1 - _MARGIN, count)[:, None, None]
     return made.project(((1 - share) * ends[0] + share * ends[1]).reshape(-1, 3))
 
 

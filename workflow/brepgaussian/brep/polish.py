@@ -154,14 +154,10 @@ def _rebuilt(
         test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=poses, tone=result.tone)
         same = not difference or _closer(attempt, rebuilt)
         if _as_good(test, result, same):
-            return rebuilt, test, structure, mesh
-        if spare is None and same and _as_good(test, replace(result, accepted=False), same):
-            spare = (
-                rebuilt,
-                test,
-                structure,
-                mesh,
-            )  # refused for an edge that few samples show
+            found = rebuilt, test, structure, mesh
+            if not (same and result.accepted and not test.accepted):
+                return found
+            spare = spare or found  # refused for an edge that few samples show
         fault = fault or difference or "the rebuilt solid agrees less with the images than its surfaces"
     return spare or fault
 
@@ -171,8 +167,7 @@ def _as_good(test: Any, result: Any, same: bool) -> bool:
     from brepgaussian.brep.refine.refinement import better
 
     if same:
-        lost = result.accepted and not test.accepted
-        return not lost and test.mask_iou > result.mask_iou - _IOU_SLACK and better(test, result.before)
+        return test.mask_iou > result.mask_iou - _IOU_SLACK and better(test, result.before)
     if test.mask_iou < max(result.mask_iou, result.before.mask_iou) - _IOU_SLACK:
         return False  # what silhouettes show is not left out
     if test.accepted != result.before.accepted:
@@ -183,12 +178,19 @@ def _as_good(test: Any, result: Any, same: bool) -> bool:
 def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int]) -> Job:
     """The same job with other surfaces under the same points; caps that the solid does not use are left out."""
     count = len(job.patches)
-    patches = tuple(replace(p, surface=s) for p, s in zip(job.patches, surfaces[:count], strict=True))
     caps: tuple[Patch, ...] = ()
     if rung.caps:
         moved = [replace(p, surface=s) for p, s in zip(job.caps, surfaces[count:], strict=True)]
         caps = tuple(c for i, c in enumerate(moved, start=count) if i in used)
-    return replace(job, patches=patches, caps=caps)
+    return replace(with_patches_on(job, surfaces), caps=caps)
+
+
+def with_patches_on(job: Job, surfaces: tuple[Surface, ...]) -> Job:
+    """The same job with other surfaces under its patches, the first ones; caps stay."""
+    count = len(job.patches)
+    return replace(
+        job, patches=tuple(replace(p, surface=s) for p, s in zip(job.patches, surfaces[:count], strict=True))
+    )
 
 
 def _figures(test: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.features import SPACING, WIDTHS, numbered, trimmed
+from brepgaussian.brep.features import SPACING, WIDTHS, placed, strip
 from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.simplify import Change
@@ -27,7 +27,6 @@ _ALIKE = 0.02  # of their length that two edges of a set differ by,
 _PARALLEL = np.cos(np.radians(2.0))  # and between their directions
 _FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's end the faces are hardly off
 _MOST_SETS = 2  # that are tried, those with most places first
-_MARGIN = 0.05  # of a fillet's width without made points, at either end
 
 
 def fillets(structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], off: Array) -> list[Change]:
@@ -87,23 +86,12 @@ def _filleted(
     edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], radius: float
 ) -> Change | None:
     """Fillets of one radius on edges, with what remains of the neighbours' points."""
-    bands: list[tuple[Surface, Array]] = []
-    lines: dict[int, list[Array]] = {}
-    for edge in edges:
-        if max(edge.surfaces) >= len(patches) or min(edge.surfaces) < 0:
-            continue
-        pair = surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]]
+
+    def make(pair: tuple[Surface, Surface], edge: Edge) -> tuple[Surface, Array] | None:
         made = _surface(pair, radius if edge.convexity == CONVEX else -radius)
-        if made is None:
-            continue
-        bands.append((made, _band(made, pair, edge.polyline)))
-        for s in edge.surfaces:
-            lines.setdefault(s, []).append(edge.polyline)
-    left = trimmed(patches, lines, radius)
-    if not bands or left is None:
-        return None
-    new = numbered(bands, patches)
-    return Change(f"{len(new)} fillets of radius {radius:g}", tuple(sorted(lines)), (*left, *new))
+        return None if made is None else (made, _band(made, pair, edge.polyline))
+
+    return placed(edges, surfaces, patches, radius, make, f"fillets of radius {radius:g}")
 
 
 def _surface(pair: tuple[Surface, Surface], radius: float) -> Surface | None:
@@ -124,10 +112,7 @@ def _band(made: Surface, pair: tuple[Surface, Surface], polyline: Array) -> Arra
     on = made.project(spine)
     tube = made.minor if made.kind == "torus" else made.radius
     centre = on - made.sign * tube * made.normals(on)
-    ends = [s.project(centre) for s in pair]
-    count = max(int(np.linalg.norm(ends[1] - ends[0], axis=1).max() / SPACING), 3)
-    share = np.linspace(_MARGIN, 1 - _MARGIN, count)[:, None, None]
-    return made.project(((1 - share) * ends[0] + share * ends[1]).reshape(-1, 3))
+    return strip(made, [s.project(centre) for s in pair])
 
 
 def _dense(polyline: Array) -> Array:

@@ -10,7 +10,7 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, short_of, size
-from brepgaussian.brep.polish import Polished, polish
+from brepgaussian.brep.polish import Polished, polish, with_patches_on
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import fillets
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
@@ -96,10 +96,8 @@ class Trials:
         return fillets(structure, self.best.attempt.surfaces, self._refined().patches, self.best.off)
 
     def _refined(self) -> Job:
-        """The job with its best solid's surfaces under its patches: fillets touch these exactly. Caps stay."""
-        patches, surfaces = self.job.patches, self.best.attempt.surfaces[: len(self.job.patches)]
-        moved = (replace(p, surface=s) for p, s in zip(patches, surfaces, strict=True))
-        return replace(self.job, patches=tuple(moved))
+        """The job with its best solid's surfaces: fillets touch these exactly."""
+        return with_patches_on(self.job, self.best.attempt.surfaces)
 
     def _proposals(self) -> list[Change]:
         return proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)

@@ -14,12 +14,11 @@ from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
 from brepgaussian.brep.structure import CONCAVE, Structure
 from brepgaussian.geometry.cameras import Cameras
+from brepgaussian.geometry.fit_robust import MAD_TO_SIGMA, TUKEY
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 
-_TUKEY = 4.685  # cut-off of Tukey's weight in robust standard deviations: 95 % efficiency
-_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation
 _REWEIGHTINGS = 4  # per linearisation
 # Errors that the samples of one edge have in common, px: display curve, shading, what lies behind.
 _BIAS = {SILHOUETTE: 0.002, CREASE: 0.02, OCCLUDING: 0.05}
@@ -152,10 +151,10 @@ def _weights(z: Array, kind: NDArray, group: NDArray) -> Array:
         rows = np.flatnonzero(kind == which)
         if len(rows) == 0:
             continue
-        scale = max(1.0, _TO_SIGMA * float(np.median(size[rows])))
+        scale = max(1.0, MAD_TO_SIGMA * float(np.median(size[rows])))
         rows = rows[np.argsort(group[rows], kind="stable")]
         for own in np.split(rows, np.flatnonzero(np.diff(group[rows])) + 1):
-            reach = _TUKEY * max(scale, _TO_SIGMA * float(np.median(size[own])))
+            reach = TUKEY * max(scale, MAD_TO_SIGMA * float(np.median(size[own])))
             weight[own] = np.clip(1 - (size[own] / reach) ** 2, 0, None) ** 2 / scale**2
     return weight
 

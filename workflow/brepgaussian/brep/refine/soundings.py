@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from brepgaussian.brep.refine.parallax import Depths
 from brepgaussian.brep.refine.parameters import derivative
 from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.fit_robust import MAD_TO_SIGMA, TUKEY
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _BIAS_PX = 0.1  # error that all places of a face may have in common: radiance is not linear, views are few
-_TUKEY = 4.685  # cut-off of Tukey's weight in robust standard deviations: 95 % efficiency
-_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation
 
 
 @dataclass(frozen=True)
@@ -77,6 +76,6 @@ class Soundings:
     def _weights(self, rest: Array, sigma: Array) -> Array:
         """(N,) Tukey weights of a surface's residuals; together no surer than what they have in common."""
         size = np.abs(rest) / sigma
-        scale = max(1.0, _TO_SIGMA * float(np.median(size)))
-        weight = np.clip(1 - (size / (_TUKEY * scale)) ** 2, 0, None) ** 2 / (scale * sigma) ** 2
+        scale = max(1.0, MAD_TO_SIGMA * float(np.median(size)))
+        weight = np.clip(1 - (size / (TUKEY * scale)) ** 2, 0, None) ** 2 / (scale * sigma) ** 2
         return np.asarray(weight / (1 + weight.sum() * self.bias**2))
