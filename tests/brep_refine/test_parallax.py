@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from brepgaussian.brep.refine.looks import Looks
-from brepgaussian.brep.refine.parallax import depths, displaced
+from brepgaussian.brep.refine.parallax import displaced
+from brepgaussian.geometry.parallax import Looks, depths
 from brepgaussian.settings.brep import BrepSettings
 from build123d import Axis, fillet
 from hypothesis import given

@@ -33,6 +33,10 @@ class Stage1Settings:
     flat_faces: bool = setting(
         True, "Cut off what the hull has above planar faces on whose borders the masks of all views agree."
     )
+    relief: bool = setting(
+        True,
+        "Move the hull's surface to the depth that parallax shows where radiance changes; needs masks (flat_faces).",
+    )
     edge_cloud: bool = setting(
         True, "Triangulate the images' edges to a 3D edge cloud, and report the surface that no two views see."
     )

@@ -18,7 +18,7 @@ from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.splatting.evaluate import COLUMNS, evaluate_stage1
 
 METHODS = {
-    "hull": {"iterations": 0, "settle_sweeps": 0, "concavities": False, "flat_faces": False},
+    "hull": {"iterations": 0, "settle_sweeps": 0, "concavities": False, "flat_faces": False, "relief": False},
     "opened hull": {"iterations": 0, "settle_sweeps": 0},
     "full": {},
 }

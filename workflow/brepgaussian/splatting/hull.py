@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
+from brepgaussian.splatting.relief import relieve
 
 _UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
 _MARGIN = 0.04  # of the unit frame, around the object's box
@@ -72,6 +73,7 @@ def carve(
     concavities: bool = False,
     noise: float = 0.0,
     patches: NDArray[np.integer] | None = None,
+    relief: bool = False,
 ) -> tuple[Hull, list[Face]]:
     """Carve the visual hull on a grid of `resolution`^3 and mesh it.
 
@@ -82,6 +84,7 @@ def carve(
         concavities: also open what the images show to be open although no silhouette does.
         noise: standard deviation of the images' noise, grey levels.
         patches: (V, H, W) region ids of the masks: also cut what stands above planar faces; None = don't.
+        relief: also move the surface to where parallax shows it; needs `patches`.
 
     Returns:
         The hull and the planar faces that were confirmed.
@@ -119,6 +122,10 @@ def carve(
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, wider = widen(images, volume, planes, more)
             prisms += more + wider
+        if patches is not None and relief:
+            before, volume = volume, relieve(images, patches, faces, volume)
+            if volume is not before:
+                volume, faces = flatten_faces(images, patches, volume, _sample, faces, True, before.scene())
     vertices, triangles = volume.mesh()
     return Hull(
         vertices, triangles, vertex_normals(vertices, triangles), volume.spacing, tuple(prisms), tuple(fillets)

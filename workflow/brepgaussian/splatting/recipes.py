@@ -23,6 +23,7 @@ PAPER = {
     "settle_sweeps": 0,
     "settle_every": 0,
     "concavities": False,
+    "relief": False,
     "stop_gain": 0.0,
     "densify_every": 100,
     "opacity_reset_every": 3000,

@@ -117,7 +117,8 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> T
     """Hull, start, training."""
     noise = float(np.median(masks.noise))
     regions = masks.patches if settings.flat_faces else None
-    hull, faces = carve(views, settings.hull_resolution, threads, settings.concavities, noise, regions)
+    resolution, relief = settings.hull_resolution, settings.relief
+    hull, faces = carve(views, resolution, threads, settings.concavities, noise, regions, relief)
     parameters = start(views, hull, settings) if settings.recipe == "fast" else random_start(views, settings)
     targets = make_targets(views, masks, settings.image_size)
     joint = None

@@ -1,7 +1,5 @@
 """What the pixels of all views show of a solid, clear of its edges: places of its faces and their greys."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -11,6 +9,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep.refine.visibility import Scene, look
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.chains import resample
+from brepgaussian.geometry.parallax import Looks
 from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
@@ -20,26 +19,6 @@ _OPAQUE = 250  # alpha of a pixel that is surely object
 _CLEAR_PX = 2.5  # footprints from all edges, where a pixel shows two faces or the edge may be off
 _LEAST_FACING = 0.25  # cosine between a ray and the normal: at a graze a pixel is many places
 _NEIGHBOUR = 2.3  # places apart: one that nobody asked may lie between
-
-
-@dataclass(frozen=True)
-class Looks:
-    """Rays at a solid.
-
-    Attributes:
-        face: (N,) that each hits; points: (N, 3) where, normals: (N, 3) outward unit.
-        directions: (N, 3) unit; grey: (N,) levels that the images show.
-    """
-
-    face: Indices
-    points: Array
-    normals: Array
-    directions: Array
-    grey: Array
-
-    def places(self, side: float) -> Indices:
-        """(N, 4) cubes of a side that the points lie in, and their faces."""
-        return np.column_stack([np.floor(self.points / side).astype(np.int64), self.face])
 
 
 def looks(scene: Scene, structure: Structure, shown: Shown, poses: Array, stride: int) -> Looks:

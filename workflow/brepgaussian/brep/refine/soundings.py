@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.brep.refine.parallax import Depths
 from brepgaussian.brep.refine.parameters import derivative
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.fit_robust import MAD_TO_SIGMA, TUKEY
+from brepgaussian.geometry.parallax import Depths
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]

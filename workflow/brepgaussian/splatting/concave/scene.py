@@ -50,6 +50,22 @@ class Scene:
         found = self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))
         return found["t_hit"].numpy(), found["primitive_normals"].numpy()
 
+    def seen(
+        self, origins: NDArray[np.floating], directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """(H,) rays that hit the mesh, (H, 3) where, and (H, 3) the smooth unit normals there; arguments as above."""
+        if not len(origins):
+            return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))
+        found = self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))
+        distance = found["t_hit"].numpy()
+        ray = np.flatnonzero(np.isfinite(distance))
+        second, third = found["primitive_uvs"].numpy()[ray].astype(np.float64).T
+        weights = np.column_stack([1 - second - third, second, third])
+        corners = self.normals[self.triangles[found["primitive_ids"].numpy()[ray]]]
+        normals = np.einsum("hk,hkc->hc", weights, corners)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return ray, origins[ray] + distance[ray, None].astype(np.float64) * directions[ray], normals
+
     def intersections(
         self, origins: NDArray[np.floating], directions: NDArray[np.floating]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -37,6 +37,8 @@ _LARGER = 1.1  # than before, for a face to be cut again
 _BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: views judge it, and the tighter hull is looked at again
 _GAIN = 0.75  # of the views' disagreement is left at most without a bulge: .2-.5 measured, .9-3.2 where walls went too
 _LEAST_RAYS = 100  # that tell, for them to judge
+_MOVED_VOXELS = 0.5  # between a hull that has moved and the hull as it was,
+_MOVED_SHARE = 0.2  # on this share of a face's samples: elsewhere nothing new is to be found
 _REACH_VOXELS = 2.0  # rays on which a bulge changes less than this don't judge it
 
 logger = get_logger("stage1")
@@ -49,6 +51,7 @@ def flatten_faces(
     sampler: Sampler,
     known: Sequence[Face] | None = None,
     opened: bool = False,
+    before: Scene | None = None,
 ) -> tuple[Volume, list[Face]]:
     """Find the planar faces and carve the hull down to them.
 
@@ -62,6 +65,7 @@ def flatten_faces(
         known: the faces that were found before, to look again in a hull that is tighter now: behind a high bulge are
             others. None = look for the first time.
         opened: whether the hull has been opened since then.
+        before: the hull whose surface has moved since; faces are looked for where it has. None = everywhere.
 
     Returns:
         The carved hull and the faces, those that were found last first, best confirmed first among them.
@@ -75,7 +79,7 @@ def flatten_faces(
         ):
             break
         opened = False
-        hull, found = _flatten(images, patches, hull, sampler, faces)
+        hull, found = _flatten(images, patches, hull, sampler, faces, before)
         for face in found:
             logger.info(
                 "planar face of area %.4f, normal %s: views disagree about %.2f %% of it, hull %.4f above",
@@ -91,6 +95,7 @@ def _flatten(
     hull: Volume,
     sampler: Sampler,
     known: list[Face],
+    before: Scene | None,
 ) -> tuple[Volume, list[Face]]:
     """The planar faces that a hull shows, beyond those that are known, and the hull cut down to them."""
     views = images.views
@@ -98,6 +103,8 @@ def _flatten(
     scene = Scene(*mesh)
     faces: list[Face] = []
     for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
+        if before is not None and not _moved(candidate.points, before, hull.spacing):
+            continue
         stack = Stack(views.cameras, patches, candidate)
         aligned = align(stack, candidate, scene)
         if aligned is None:
@@ -116,6 +123,12 @@ def _flatten(
         faces = [f for f in kept if f is not None]
         carved = _carve(hull, faces)
     return clear_holes(carved, faces, partial(_needed, views), _NEEDED_SHARE), faces
+
+
+def _moved(points: Array, before: Scene, spacing: float) -> bool:
+    """Whether a good part of (N, 3) points on a hull lies off the hull as it was."""
+    off = np.abs(before.signed_distance(points)) > _MOVED_VOXELS * spacing
+    return bool(off.mean() >= _MOVED_SHARE)
 
 
 def _same(face: Face, other: Face, spacing: float) -> bool:
