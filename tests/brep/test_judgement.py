@@ -2,7 +2,7 @@
 
 import pytest
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.judgement import against, leaves_points, short_of
+from brepgaussian.brep.judgement import against, leaves_points, mends, short_of
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
@@ -45,3 +45,25 @@ def test_a_few_pixels_on_the_border_do_not_refuse_a_simpler_solid(pixels, lost, 
 def test_a_solid_that_leaves_out_a_face_is_worth_other_explanations():
     assert leaves_points(solid(0.96, 0.05, True).attempt)
     assert not leaves_points(solid(0.99, 0.05, True).attempt)
+
+
+def refused(edges, places=0, iou=0.997):
+    """Report of a solid with these medians of its edges (px) and places that views disagree about."""
+    table = {"edges": [{"silhouette_px": px} for px in edges], "faces": [{"disputed": places}, {"disputed": 0}]}
+    return {"mask_iou": iou, "astray": 0.0, "accepted": False, "refinement": table}
+
+
+@pytest.mark.parametrize(
+    ("new", "old", "taken"),
+    [
+        (refused([2.0, 2.0, 0.02, 0.02]), refused([2.0, 2.0, 2.0]), True),  # one of three countersinks
+        (refused([2.0, 2.0, 1.9]), refused([2.0, 2.0, 2.0]), False),  # a little of everything
+        (refused([2.0, 0.02], places=400), refused([2.0, 2.0]), False),  # edges by what views disagree about
+        (refused([2.0, 0.02], iou=0.99), refused([2.0, 2.0]), False),
+        (refused([2.0, 0.02], places=12), refused([2.0, 2.0], places=8), True),  # chance
+        (refused([2.0, 2.0]), refused([2.0, 2.0, 0.05]), False),  # edges within the limit do not count
+        ({"mask_iou": 0.999, "astray": 0.0}, refused([2.0]), False),
+    ],
+)
+def test_one_of_several_places_is_mended_though_the_worst_edge_stays(new, old, taken):
+    assert mends(new, old, BrepSettings()) == taken

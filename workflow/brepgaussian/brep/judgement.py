@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.polish import Polished, badness
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE
+from brepgaussian.brep.refine.agreement import PLACE_AREA_PX2
 from brepgaussian.brep.simplify import complexity
 from brepgaussian.brep.structure import SMOOTH
 from brepgaussian.settings.brep import BrepSettings
@@ -20,6 +21,8 @@ _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside 
 _HALF = 0.5
 _WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler,
 _MORE_POINTS = 0.02  # or of all points that it explains besides,
+_MENDED = 0.9  # of all objections that are left by a change that adds none
+_CHANCE = 1.0  # but for so many limits, or few places,
 _NO_WORSE = 1.05  # times the badness, if the images hardly tell the two apart
 
 
@@ -58,8 +61,32 @@ def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:
         return ""
     after, before = badness(new.report, settings), badness(old.report, settings)
     telling = explains_more(new.attempt, old.attempt) and (new.report.get("accepted") or after <= _NO_WORSE * before)
-    better = after < _WORTH * before or telling
+    better = after < _WORTH * before or telling or mends(new.report, old.report, settings)
     return "" if better else f"the images agree little better ({after:.1f} for {before:.1f} limits)"
+
+
+def mends(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether a solid does away with a good part of all that the images have against another one, and adds nothing.
+
+    The worst edge stays where several places are wrong, and one of them is mended.
+    """
+    after, before = objections(new, settings), objections(old, settings)
+    if len(after) != len(before):
+        return False
+    worse = any(one > _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
+    return not worse and sum(after) < _MENDED * sum(before)
+
+
+def objections(report: Mapping[str, Any], settings: BrepSettings) -> tuple[float, ...]:
+    """All that the images have against a solid, in limits: of its edges, its masks, its places; () if not known."""
+    details = report.get("refinement")
+    if not details or "edges" not in details or report.get("mask_iou") is None:
+        return ()
+    medians = [row["silhouette_px"] for row in details["edges"] if row["silhouette_px"] is not None]
+    over = [px / settings.accept_silhouette_px for px in medians]
+    masks = (1 - report["mask_iou"]) / (1 - settings.accept_iou) + report["astray"] / settings.accept_astray
+    places = PLACE_AREA_PX2 * sum(row["disputed"] for row in details["faces"])
+    return sum(px for px in over if px > 1), masks, places / settings.accept_disputed
 
 
 def explains_more(new: Attempt, old: Attempt) -> bool:

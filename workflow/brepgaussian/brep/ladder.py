@@ -18,10 +18,12 @@ from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished, badness
 from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.search import Search
+from brepgaussian.brep.sections import angular
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.brep.skins import skins
 from brepgaussian.brep.structure import Structure
+from brepgaussian.brep.symmetry import symmetric
 from brepgaussian.brep.tangents import tangent_walls
 from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.worker import Worker, WorkerError
@@ -71,17 +73,25 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
-    """Jobs of other explanations of the points: without skins, with smooth fillets, with straight profiles, afresh."""
+    """Jobs of other explanations of the points: without skins, with smooth fillets, with planes for curved walls, with
+    straight profiles, with what symmetries carry, afresh.
+    """
     yield from bared(job)
     walls = tangent_walls(job.patches, primitives.sigma)
     smooth = rounded(walls, primitives.sigma) or walls
     if any(new is not old for new, old in zip(smooth, job.patches, strict=True)):
         yield replace(job, patches=tuple(smooth))
+    for square in (True, False):
+        planes = angular(job.patches, square)
+        if planes:
+            yield applied(job, planes)
+    yield from symmetric(job)
     straight = straightened(job.patches)
     if straight:
         apart = applied(job, straight)
         yield from bared(apart)
         yield apart
+        yield from symmetric(apart)
     for other in alternatives(points, primitives, PrimitivesSettings()):
         afresh = _job(points, other, job.silhouettes, job.settings)
         yield from bared(afresh)

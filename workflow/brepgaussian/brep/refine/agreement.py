@@ -20,6 +20,7 @@ Indices = NDArray[np.int64]
 
 _STRIDE_PX = 3  # between pixels that are asked
 _PLACE_PX = 3.0  # side of a place, in footprints of a pixel
+PLACE_AREA_PX2 = _PLACE_PX**2
 _LEAST_RAYS = 8  # that a place is seen by, before it says anything
 _CAP = 3.0  # tolerances; greater differences count no more
 _REFUTED = 1.0  # tolerances by which a place's rays differ on average
@@ -62,5 +63,5 @@ def disagreement(scene: Scene, structure: Structure, shown: Shown, poses: Array)
     refuted = found[asked & (np.bincount(where, cost) > _REFUTED * rays)]
     bad, all_asked = (np.bincount(rows[:, 3], minlength=count) for rows in (refuted, found[asked]))
     elsewhere = (bad.sum() - bad) / np.maximum(all_asked.sum() - all_asked, 1)  # (F,) share on the other faces
-    area = largest_areas(refuted, count) * _PLACE_PX**2 / (1 + elsewhere / _SCATTERED)
+    area = largest_areas(refuted, count) * PLACE_AREA_PX2 / (1 + elsewhere / _SCATTERED)
     return Disagreement(float(area.max(initial=0.0)), bad)
