@@ -61,7 +61,7 @@ def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:
         return ""
     after, before = badness(new.report, settings), badness(old.report, settings)
     telling = explains_more(new.attempt, old.attempt) and (new.report.get("accepted") or after <= _NO_WORSE * before)
-    better = after < _WORTH * before or telling or mends(new.report, old.report, settings)
+    better = after < _WORTH * before or telling
     return "" if better else f"the images agree little better ({after:.1f} for {before:.1f} limits)"
 
 

@@ -87,13 +87,17 @@ class _Cloud:
 
 def symmetric(job: Job) -> Iterator[Job]:
     """The job with the patches that its symmetries carry to badly explained points, if there are any."""
-    if len(job.patches) < 2:
-        return
-    cloud = _Cloud(job.patches)
-    noise = float(np.median([p.sigma for p in job.patches]))
-    change = _carried(job.patches, cloud, _symmetries(job.patches, cloud, noise), noise)
-    if change is not None:
-        yield applied(job, [change])
+    yield from (applied(job, [change]) for change in carried(job.patches))
+
+
+def carried(patches: Sequence[Patch]) -> list[Change]:
+    """The patches that symmetries carry to badly explained points, as one change; none if there are none."""
+    if len(patches) < 2:
+        return []
+    cloud = _Cloud(patches)
+    noise = float(np.median([p.sigma for p in patches]))
+    change = _carried(patches, cloud, _symmetries(patches, cloud, noise), noise)
+    return [] if change is None else [change]
 
 
 def _symmetries(patches: Sequence[Patch], cloud: _Cloud, noise: float) -> list[Symmetry]:

@@ -9,17 +9,21 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import against, short_of, size
+from brepgaussian.brep.judgement import against, mends, short_of, size
 from brepgaussian.brep.polish import Polished, polish, with_patches_on
+from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import fillets
+from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
+from brepgaussian.brep.symmetry import carried
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
 
 _RUNGS = 2  # that a change is built on, at most
+_MOST_MENDS = 8  # that are refined where the images refuse a solid
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
 
@@ -46,7 +50,7 @@ class Trials:
     refused: set[str] = field(default_factory=set)
 
     def run(self) -> Polished:
-        """Try chamfers where an edge is refused, then other borders, simpler solids while the budget lasts, fillets."""
+        """Try chamfers where an edge is refused, other borders, simpler solids, other walls, fillets."""
         for change in self._chamfers():
             if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
@@ -55,6 +59,7 @@ class Trials:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
                 break
+        self._mended()
         self._rounded()
         return self._noted()
 
@@ -64,6 +69,16 @@ class Trials:
             if change.name not in self.refused:
                 self._tried([change], slack=0.0)  # the points are why: they have to like it
         return self._noted()
+
+    def _mended(self) -> None:
+        """Try other walls where the images still refuse the solid, one place after the other."""
+        if self.best.report.get("accepted") is not False:
+            return
+        self.left = Budget(_RUNGS * _MOST_MENDS, _MOST_MENDS)
+        while not self.left.spent and not self.best.report["accepted"]:
+            changes = [c for c in self._mends() if c.name not in self.refused]
+            if not any(self._tried([change], simpler=False, mending=True) for change in changes):
+                break
 
     def _rounded(self) -> None:
         """Try fillets: few, and what simpler solids cost is no reason to leave them."""
@@ -80,6 +95,11 @@ class Trials:
         if self.notes:
             self.best.report["trials"] = self.notes
         return self.best
+
+    def _mends(self) -> list[Change]:
+        """Chamfers, two straight faces of revolution, what symmetries carry, planes for curved walls."""
+        patches = self.job.patches
+        return [*self._chamfers(), *straightened(patches), *carried(patches), *angular(patches, square=True)]
 
     def _chamfers(self) -> list[Change]:
         """Chamfers at edges that the images refuse."""
@@ -120,14 +140,17 @@ class Trials:
         groups = [together, kinds] if len(kinds) < len(together) else [together]
         return [group for group in groups if len(group) > 1] + [[c] for c in changes]
 
-    def _tried(self, changes: list[Change], simpler: bool = True, slack: float = _POINTS_SLACK) -> bool:
+    def _tried(
+        self, changes: list[Change], simpler: bool = True, slack: float = _POINTS_SLACK, mending: bool = False
+    ) -> bool:
         """Whether changes were taken; what was refused alone is not tried again.
 
-        A share `slack` of the points may leave the solid for a simpler one.
+        A share `slack` of the points may leave the solid for a simpler one; with `mending`, one of several wrong places
+        is enough.
         """
         if self.left.spent:
             return False
-        fault, outcome = self._outcome(changes, simpler, slack)
+        fault, outcome = self._outcome(changes, simpler, slack, mending)
         names = [c.name for c in changes]
         self.notes.append({"changes": names, "fault": fault})
         get_logger("brep").info("trial %s: %s", ", ".join(names), fault or "taken")
@@ -138,7 +161,7 @@ class Trials:
         return True
 
     def _outcome(
-        self, changes: list[Change], simpler: bool, slack: float
+        self, changes: list[Change], simpler: bool, slack: float, mending: bool
     ) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
         job, before = applied(self.job, changes), self.best.attempt.verdict
@@ -162,6 +185,8 @@ class Trials:
                 self.left.refinements -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
                 fault = (against if simpler else short_of)(polished, self.best, job.settings)
+                if fault and mending and mends(polished.report, self.best.report, job.settings):
+                    fault = ""
                 if not fault:
                     return "", (job, rung, polished)
         return fault, None
