@@ -14,11 +14,11 @@ NOISE, REACH, SPACING = 0.001, 0.012, 0.008
 UP = np.array([0, 0, 1.0])
 
 
-def job_of(parts, turn, seed):
+def job_of(parts, turn, seed, noise=NOISE):
     """A job of (surface or kind to fit, xyz, normals), turned and noisy."""
     rng, patches = np.random.default_rng(seed), []
     for number, (surface, xyz, normals) in enumerate(parts):
-        xyz = (xyz - 0.5) @ turn.T + 0.5 + NOISE * rng.normal(size=xyz.shape)
+        xyz = (xyz - 0.5) @ turn.T + 0.5 + noise * rng.normal(size=xyz.shape)
         normals = normals @ turn.T
         if isinstance(surface, str):
             found = fit_robust(surface, xyz, normals, NOISE, initial=None, rng=rng)[0]
@@ -117,3 +117,7 @@ def test_what_is_right_or_is_not_symmetric_stays(seed):
     turn = Rotation.random(random_state=seed + 20).as_matrix()
     assert list(symmetric(job_of([*box(), *slot(0.25), *slot(0.75)], turn, seed))) == []
     assert list(symmetric(job_of([*box(), hole(0.3, 0.35), hole(0.6, 0.6, 0.05)], turn, seed))) == []
+
+
+def test_points_without_noise_are_no_fault():
+    assert list(symmetric(job_of([*box(), *slot(0.25), *slot(0.75)], np.eye(3), 0, noise=0.0))) == []

@@ -38,6 +38,7 @@ _LOSES = 0.6  # of its points that a patch loses to all together if it loses any
 _TAKEN = 0.4  # and of the points where it arrives that the carried patch takes
 _LEFT, _KEPT = 0.5, 0.9  # of its points: a patch that keeps fewer is gone; one that keeps more stays as it is
 _LEAST_POINTS = 12
+_EXACT = 1e-9  # unit frame: noise of points that have none
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def carried(patches: Sequence[Patch]) -> list[Change]:
     if len(patches) < 2:
         return []
     cloud = _Cloud(patches)
-    noise = float(np.median([p.sigma for p in patches]))
+    noise = max(float(np.median([p.sigma for p in patches])), _EXACT)
     change = _carried(patches, cloud, _symmetries(patches, cloud, noise), noise)
     return [] if change is None else [change]
 
