@@ -11,7 +11,7 @@ from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.points import simulate
 from brepgaussian.points.stage import make_points
 from brepgaussian.settings.points import PointsSettings
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 LOW, HIGH = np.array([0.0, 0.2, 0.3]), np.array([1.0, 0.8, 0.7])
@@ -114,6 +114,7 @@ def test_labels_from_features_alone(write_case, cameras, box_images):
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(1, 60), st.sampled_from(["random", "plane", "line", "point"]), st.integers(0, 1000))
+@example(53, "random", 2)  # in one view, all points of a curve are seen end on
 def test_any_cloud_gives_a_result(write_case, cameras, count, shape, seed):
     rng = np.random.default_rng(seed)
     points = rng.random((count, 3))

@@ -175,6 +175,8 @@ def _measure(
         length = np.linalg.norm(along, axis=1)
         full = cameras.intrinsics[view, :2].mean() / np.linalg.norm(sight[index], axis=1)
         keep = length > _FORESHORTENED * full
+        if not keep.any():  # OpenCV refuses to sample nothing
+            continue
         index, jacobian, pixels = index[keep], jacobian[keep], pixels[keep]
         across = np.column_stack([-along[keep, 1], along[keep, 0]]) / length[keep, None]
         where = pixels[:, None] + offsets[None, :, None] * across[:, None]  # (n, K, 2)
