@@ -67,3 +67,8 @@ def refused(edges, places=0, iou=0.997):
 )
 def test_one_of_several_places_is_mended_though_the_worst_edge_stays(new, old, taken):
     assert mends(new, old, BrepSettings()) == taken
+
+
+def test_limits_of_nothing_are_no_fault():
+    strict = BrepSettings(accept_astray=0.0, accept_iou=1.0, accept_disputed=0.0, accept_silhouette_px=0.0)
+    assert mends(refused([2.0, 0.02], iou=0.999), refused([2.0, 2.0]), strict)

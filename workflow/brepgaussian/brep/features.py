@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, next_number
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import CONVEX, Edge, Structure
 from brepgaussian.geometry.chains import resample
@@ -120,7 +120,7 @@ def _trimmed(patches: Sequence[Patch], lines: Mapping[int, Sequence[Array]], wid
 
 def _numbered(bands: Sequence[tuple[Surface, Array]], patches: Sequence[Patch]) -> list[Patch]:
     """Patches of made surfaces and points (N, 3) on them, numbered after those that there are."""
-    first = max((p.primitive for p in patches), default=0) + 1
+    first = next_number(patches)
     return [
         Patch(made, first + k, points, made.normals(points).copy(), _REACH * SPACING, 0.0)
         for k, (made, points) in enumerate(bands)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.polish import Polished, badness
+from brepgaussian.brep.polish import Polished, badness, in_limits, wrong_masks
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE
 from brepgaussian.brep.refine.agreement import PLACE_AREA_PX2
 from brepgaussian.brep.simplify import complexity
@@ -83,10 +83,9 @@ def objections(report: Mapping[str, Any], settings: BrepSettings) -> tuple[float
     if not details or "edges" not in details or report.get("mask_iou") is None:
         return ()
     medians = [row["silhouette_px"] for row in details["edges"] if row["silhouette_px"] is not None]
-    over = [px / settings.accept_silhouette_px for px in medians]
-    masks = (1 - report["mask_iou"]) / (1 - settings.accept_iou) + report["astray"] / settings.accept_astray
+    over = [in_limits(px, settings.accept_silhouette_px) for px in medians]
     places = PLACE_AREA_PX2 * sum(row["disputed"] for row in details["faces"])
-    return sum(px for px in over if px > 1), masks, places / settings.accept_disputed
+    return sum(px for px in over if px > 1), wrong_masks(report, settings), in_limits(places, settings.accept_disputed)
 
 
 def explains_more(new: Attempt, old: Attempt) -> bool:

@@ -1,7 +1,7 @@
 """What the assembly knows of one primitive: its surface and the cleaned points that support it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,6 +66,16 @@ def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -
         sigma = item.surface.rms(xyz[keep])
         patches.append(Patch(item.surface, index, xyz[keep], normals[keep], min(reach, max_reach), sigma))
     return patches
+
+
+def supported(patch: Patch, surface: Surface, xyz: Array, normals: Array) -> Patch:
+    """A patch on another surface, with other points (N, 3) and normals (N, 3)."""
+    return replace(patch, surface=surface, xyz=xyz, normals=normals, sigma=surface.rms(xyz))
+
+
+def next_number(patches: Sequence[Patch]) -> int:
+    """The first number that no patch has."""
+    return max((p.primitive for p in patches), default=-1) + 1
 
 
 def touch(first: Patch, second: Patch, reaches: float = NEARBY, tree: cKDTree | None = None) -> bool:

@@ -1,6 +1,7 @@
 """The seam to the refinement: surfaces made exact by the images, the solid rebuilt with the same topology."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -111,11 +112,20 @@ def badness(report: dict[str, Any], settings: BrepSettings) -> float:
     px, iou = report.get("silhouette_px"), report.get("mask_iou")
     if px is None or iou is None:
         return float("inf")
-    missing = (1 - iou) / max(1 - settings.accept_iou, _ROUNDING)
-    astray = report.get("astray", 0.0) / max(settings.accept_astray, _ROUNDING)
-    disputed = report.get("disputed", 0.0) / max(settings.accept_disputed, _ROUNDING)
+    disputed = in_limits(report.get("disputed", 0.0), settings.accept_disputed)
     beyond = max(disputed - 1, 0.0)  # of less, chance has its share
-    return float(px / max(settings.accept_silhouette_px, _ROUNDING) + missing + astray + beyond)
+    return float(in_limits(px, settings.accept_silhouette_px) + wrong_masks(report, settings) + beyond)
+
+
+def wrong_masks(report: Mapping[str, Any], settings: BrepSettings) -> float:
+    """How far the silhouettes of a judged solid are wrong, in limits."""
+    missing = in_limits(1 - report["mask_iou"], 1 - settings.accept_iou)
+    return missing + in_limits(report.get("astray", 0.0), settings.accept_astray)
+
+
+def in_limits(value: float, limit: float) -> float:
+    """A figure in units of a limit, which may be none."""
+    return float(value / max(limit, _ROUNDING))
 
 
 def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.patches import Patch, touch
+from brepgaussian.brep.patches import Patch, next_number, supported, touch
 from brepgaussian.brep.simplify import Change
 from brepgaussian.geometry.surfaces import Surface, cone, cylinder, plane
 
@@ -31,7 +31,7 @@ _SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, i
 def straightened(patches: Sequence[Patch]) -> list[Change]:
     """One change for every patch that is two straight pieces: a patch for each of them in its place."""
     result: list[Change] = []
-    number = max((p.primitive for p in patches), default=0) + 1
+    number = next_number(patches)
     for i, patch in enumerate(patches):
         if patch.surface.kind not in _AS_WELL:
             continue
@@ -68,8 +68,7 @@ def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None
     for part in (slice(0, at), slice(at, count)):
         index = order[part]
         surface = _straight(profile[part], slope[part], through, axis)
-        sigma = surface.rms(patch.xyz[index])
-        found.append(replace(patch, surface=surface, xyz=patch.xyz[index], normals=patch.normals[index], sigma=sigma))
+        found.append(supported(patch, surface, patch.xyz[index], patch.normals[index]))
     middles = [slope[:at].mean(axis=0), slope[at:].mean(axis=0)]
     turn = np.arctan2(*middles[0]) - np.arctan2(*middles[1])
     return (found[0], found[1]) if abs(np.angle(np.exp(1j * turn))) > _LEAST_TURN else None

@@ -6,14 +6,13 @@ a plane or a cylinder and a larger fillet in their place are a hypothesis for th
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.fillets import rounded
-from brepgaussian.brep.patches import Patch, touch
+from brepgaussian.brep.patches import Patch, supported, touch
 from brepgaussian.brep.simplify import Change, fitted
 from brepgaussian.geometry.fit_choose import plausible
 from brepgaussian.geometry.surfaces import Surface, plane, unit
@@ -68,7 +67,7 @@ def _apart(
         larger = _fitted(fillet.surface.kind, xyz[~mine], normals[~mine], noise, rng, larger)
     if face is None or larger is None:
         return None
-    result = _on(patch, face, xyz[mine], normals[mine]), _on(fillet, larger, xyz[~mine], normals[~mine])
+    result = supported(patch, face, xyz[mine], normals[mine]), supported(fillet, larger, xyz[~mine], normals[~mine])
     return result if _misfit(*result) <= _WORSE * max(_misfit(patch, fillet), noise) else None
 
 
@@ -77,7 +76,7 @@ def _touching(face: Patch, fillet: Patch, others: Sequence[Patch], noise: float)
     for _ in range(2):  # the face turns with the fillet
         fillet = (rounded([face, fillet, *others], noise) or [face, fillet])[1]
         turned = _square(face.surface, fillet.surface)
-        face = face if turned is None else _on(face, turned, face.xyz, face.normals)
+        face = face if turned is None else supported(face, turned, face.xyz, face.normals)
     return face, fillet
 
 
@@ -95,10 +94,6 @@ def _fitted(
 ) -> Surface | None:
     surface = fitted(kind, xyz, normals, noise, rng, start)
     return surface if surface is not None and plausible(surface, xyz, _LARGEST) else None
-
-
-def _on(patch: Patch, surface: Surface, xyz: Array, normals: Array) -> Patch:
-    return replace(patch, surface=surface, xyz=xyz, normals=normals, sigma=surface.rms(xyz))
 
 
 def _misfit(first: Patch, second: Patch) -> float:

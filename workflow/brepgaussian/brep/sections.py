@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, next_number, supported
 from brepgaussian.brep.simplify import Change
 from brepgaussian.geometry.surfaces import plane
 
@@ -63,7 +63,7 @@ def angular(patches: Sequence[Patch], square: bool) -> list[Change]:
         square: whether planes that may be square to each other are made so, as the walls of keyways are.
     """
     result: list[Change] = []
-    number = max((p.primitive for p in patches), default=0) + 1
+    number = next_number(patches)
     for i, patch in enumerate(patches):
         if patch.surface.kind not in _CURVED:
             continue
@@ -203,4 +203,4 @@ def _plane(patch: Patch, members: Indices, normal: Array) -> Patch:
     xyz = patch.xyz[members]
     origin = xyz.mean(axis=0)
     surface = plane(origin + (np.median(xyz @ normal) - origin @ normal) * normal, normal)
-    return replace(patch, surface=surface, xyz=xyz, normals=patch.normals[members], sigma=surface.rms(xyz))
+    return supported(patch, surface, xyz, patch.normals[members])

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from brepgaussian.brep.job import Job
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, next_number, supported
 from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.geometry.surfaces import Surface
 
@@ -134,7 +135,7 @@ def _candidates(patches: Sequence[Patch], cloud: _Cloud, noise: float) -> Iterat
         for folds in _FOLDS:
             for turns in range(1, folds):
                 if np.gcd(turns, folds) == 1:
-                    matrix = _rotation(axis.axis, 2 * np.pi * turns / folds)
+                    matrix = Rotation.from_rotvec(2 * np.pi * turns / folds * axis.axis).as_matrix()
                     yield Symmetry(matrix, axis.origin - matrix @ axis.origin)
 
 
@@ -142,13 +143,6 @@ def _one_line(one: Surface, other: Surface, reach: float) -> bool:
     apart = one.origin - other.origin
     off = np.linalg.norm(apart - (apart @ other.axis) * other.axis)
     return bool(abs(one.axis @ other.axis) > _SAME and off < reach / 2)
-
-
-def _rotation(axis: Array, angle: float) -> Array:
-    """(3, 3) rotation by an angle about a unit axis."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
 def _carried(patches: Sequence[Patch], cloud: _Cloud, symmetries: Sequence[Symmetry], noise: float) -> Change | None:
@@ -225,15 +219,10 @@ def _change(patches: Sequence[Patch], current: Sequence[Patch], owner: Indices, 
     kept = [int((owner == k).sum()) for k in range(len(patches))]
     gone = [k for k, p in enumerate(patches) if kept[k] < _KEPT * len(p.xyz)]
     stay = [k for k in gone if kept[k] >= max(_LEFT * len(patches[k].xyz), _LEAST_POINTS)]
-    new = [_part(patches[k], cloud, owner == k) for k in stay]
+    new = [supported(patches[k], patches[k].surface, cloud.xyz[owner == k], cloud.normals[owner == k]) for k in stay]
     numbers = [patches[k].primitive for k in gone if k not in stay]
-    first = max(p.primitive for p in patches) + 1
+    first = next_number(patches)
     carried = list(current[len(patches) :])
     numbers += range(first, first + max(len(carried) - len(numbers), 0))
     new += [replace(p, primitive=n) for p, n in zip(carried, numbers, strict=False)]
     return Change(f"{len(carried)} patches by symmetry", tuple(gone), tuple(new))
-
-
-def _part(patch: Patch, cloud: _Cloud, mine: NDArray[np.bool_]) -> Patch:
-    xyz = cloud.xyz[mine]
-    return replace(patch, xyz=xyz, normals=cloud.normals[mine], sigma=patch.surface.rms(xyz))

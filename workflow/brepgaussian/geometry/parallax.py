@@ -19,7 +19,7 @@ PLACE_PX = 5.0  # side of a place, in footprints of a pixel
 _LEAST_RAYS = 12
 _FLAT = 0.98  # cosine between a ray's normal and the place's: what bends more is no place of one depth
 _SURE_PX = 0.4  # standard error of a depth that tells anything
-_SIGMAS = 4.0  # and by which it differs from none,
+SIGMAS = 4.0  # and by which it differs from none,
 _OFF_PX = 0.5  # and by this more: radiance is not linear
 _ROUNDING = 0.2  # of the tolerance: greys are not known better
 _REWEIGHTINGS, _ROUNDS = 3, 3
@@ -66,7 +66,7 @@ class Depths:
     @property
     def off(self) -> NDArray[np.bool_]:
         """(P,) places that surely lie elsewhere."""
-        return self.told & (np.abs(self.depth) > _SIGMAS * self.sigma + _OFF_PX)
+        return self.told & (np.abs(self.depth) > SIGMAS * self.sigma + _OFF_PX)
 
 
 def depths(seen: Looks, footprint: float, tolerance: float, side_px: float = PLACE_PX) -> Depths:

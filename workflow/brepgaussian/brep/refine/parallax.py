@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from brepgaussian.brep.refine.looks import largest_areas, looks
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import Structure
-from brepgaussian.geometry.parallax import PLACE_PX, Depths, depths
+from brepgaussian.geometry.parallax import PLACE_PX, SIGMAS, Depths, depths
 from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
 _STRIDE_PX = 2  # between pixels that are asked
-_SIGMAS = 4.0  # of a depth, the most that a place counts in the misfit
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Displaced:
     def misfit(self) -> float:
         """Root mean square of the told depths over their errors, each no more than some."""
         found = self.depths
-        size = np.minimum(np.abs(found.depth) / found.sigma, _SIGMAS)[found.told]
+        size = np.minimum(np.abs(found.depth) / found.sigma, SIGMAS)[found.told]
         return float(np.sqrt(np.mean(size**2))) if len(size) else 0.0
 
     @property
