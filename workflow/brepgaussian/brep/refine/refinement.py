@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance
+from brepgaussian.brep.refine.constraints import Tie
 from brepgaussian.brep.refine.descent import WINDOWS, Run, descend, largest_move, move_structure, sounded
 from brepgaussian.brep.refine.mesh import FaceMesh, follow
 from brepgaussian.brep.refine.observe import prepare
@@ -115,22 +116,12 @@ def _refine(
     state = State(anchored, np.zeros(TONES), np.zeros((len(views.cameras), 3)))
     start = Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
     before = start.test(settings)
-    run, last = descend(start, [], WINDOWS, False)
-    freed = False
-    if settings.refine_poses and _typical(run) > _POSE_PX:
-        other, other_last = descend(run, [], WINDOWS[1:], True)
-        if _typical(other) < _POSE_GAIN * _typical(run):
-            run, last, freed = other, other_last, True
-    ties = shown(run.structure, run.state.surfaces, last)
-    designed = unopposed(given(start.structure, anchored, last), ties, run.state.surfaces)
-    free = run
-    run, _ = descend(free, ties, WINDOWS[-1:], freed)
-    after = run.test(settings)
-    if designed:
-        other, _ = descend(free, [*ties, *designed], WINDOWS[-1:], freed)
-        verdict = other.test(settings)
-        if _no_worse(verdict, after):
-            run, after, ties = other, verdict, [*ties, *designed]
+    found = _solved(start, settings)
+    strayed = _strayed(found)
+    if strayed:  # an edge that few samples show may have been taken for another one, and have drawn a floor with it
+        firm = _solved(replace(start, prior=replace(prior, held=strayed)), settings)
+        found = firm if _less_displaced(firm.after, found.after) else found
+    run, after, ties, freed = found.run, found.after, found.ties, found.freed
     if after.displaced is not None and after.displaced.depths.told.any():
         other = sounded(run, after.displaced, ties, freed)
         verdict = other.test(settings)
@@ -164,6 +155,53 @@ def _refine(
         tone=result.state.tone,
         report=report,
     )
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Where the search for edges ended: the solid, its test, the relations that it holds, whether poses are free."""
+
+    run: Run
+    after: Acceptance
+    ties: list[Tie]
+    freed: bool
+
+
+def _solved(start: Run, settings: BrepSettings) -> _Solved:
+    """All edges measured and all surfaces moved, first without relations, then with those that show."""
+    run, last = descend(start, [], WINDOWS, False)
+    freed = False
+    if settings.refine_poses and _typical(run) > _POSE_PX:
+        other, other_last = descend(run, [], WINDOWS[1:], True)
+        if _typical(other) < _POSE_GAIN * _typical(run):
+            run, last, freed = other, other_last, True
+    ties = list(shown(run.structure, run.state.surfaces, last))
+    designed = unopposed(given(start.structure, start.state.surfaces, last), ties, run.state.surfaces)
+    free = run
+    run, _ = descend(free, ties, WINDOWS[-1:], freed)
+    after = run.test(settings)
+    if designed:
+        other, _ = descend(free, [*ties, *designed], WINDOWS[-1:], freed)
+        verdict = other.test(settings)
+        if _no_worse(verdict, after):
+            run, after, ties = other, verdict, [*ties, *designed]
+    return _Solved(run, after, ties, freed)
+
+
+def _strayed(found: _Solved) -> frozenset[int]:
+    """Surfaces with places that parallax puts elsewhere."""
+    if found.after.displaced is None:
+        return frozenset()
+    depths = found.after.displaced.depths
+    faces = np.unique(depths.places[depths.off, 3])
+    return frozenset(found.run.structure.faces[int(face)].surface for face in faces) - {-1}
+
+
+def _less_displaced(new: Acceptance, old: Acceptance) -> bool:
+    """Whether parallax places less of a solid elsewhere, and the images like it no less."""
+    if new.displaced is None or old.displaced is None:
+        return False
+    return new.displaced.area < old.displaced.area and _no_worse(new, old)
 
 
 def _no_worse(new: Acceptance, old: Acceptance) -> bool:

@@ -27,6 +27,7 @@ _ROW_SIGMA = 1e-7  # of constraints (radians, unit frame): as good as exact besi
 TONES = 2
 TONE_STEP = 50.0  # grey levels
 _TONE_SIGMA = 0.3  # px, prior of the tone coefficient
+_HELD = 0.03  # of the prior's sigmas: a tenth of a pixel
 POSE_SIGMA = (1.0, 1.0, 2e-3)  # prior of a pose correction: px, px, rad
 
 
@@ -48,11 +49,12 @@ class State:
 
 @dataclass(frozen=True)
 class Prior:
-    """The state that the points gave, and how far it is trusted (rad, unit frame)."""
+    """The state that the points gave, and how far it is trusted (rad, unit frame); what is `held`, much more."""
 
     surfaces: tuple[Surface, ...]
     angle: float
     length: float
+    held: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -235,7 +237,8 @@ def _fixed_rows(
     matrix, right = np.zeros((size, size)), np.zeros(size)
     for index, (now, before) in enumerate(zip(state.surfaces, prior.surfaces, strict=True)):
         span = np.arange(start[index], start[index + 1])
-        weight = prior_sigmas(now.kind, prior.angle, prior.length) ** -2.0
+        firm = _HELD if index in prior.held else 1.0
+        weight = (firm * prior_sigmas(now.kind, prior.angle, prior.length)) ** -2.0
         matrix[span, span] += weight
         right[span] -= weight * difference(before, now)
     span = start[-1] + np.arange(TONES)
