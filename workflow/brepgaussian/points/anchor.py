@@ -14,6 +14,7 @@ from brepgaussian.points.graph import Index
 
 Array = NDArray[np.float64]
 _NODE_SIGMA = 0.004  # unit frame; smooth error of surfels
+_TOLD_SIGMA = 0.0008  # unit frame; a fifth of a pixel at 800 px, by which rims are off (.0003-.001 measured)
 _NODES_WORTH = 30.0  # independent points that the nodes of a patch stand for, as their errors are correlated
 _CURVE_SIGMA = 0.0012  # unit frame; a third of a pixel at 800 px
 _SHARP_PX = 0.3  # by which views differ about an edge that is where the curve is: .2-.3; about others .5-1.5
@@ -24,14 +25,18 @@ _MOST = 0.01  # unit frame; a primitive that leaves its points by more was drawn
 _LEAST_CURVE = 6  # points
 
 
-def anchor_surfaces(surfaces: list[Surface], xyz: Array, labels: Index, curves: list[Curve]) -> list[Surface]:
+def anchor_surfaces(
+    surfaces: list[Surface], xyz: Array, labels: Index, curves: list[Curve], told: NDArray[np.bool_] | None = None
+) -> list[Surface]:
     """Each primitive refitted to its nodes and, with much more weight, to the curves along its borders.
 
     Args:
         surfaces: primitive of each label.
         xyz: (N, 3) nodes; labels: (N,) their labels.
         curves: snapped to the images.
+        told: (N,) nodes that lie on a wall whose rim the views have told; they lie better than others.
     """
+    sigmas_of = np.where(told, _TOLD_SIGMA, _NODE_SIGMA) if told is not None else np.full(len(xyz), _NODE_SIGMA)
     result = []
     for k, surface in enumerate(surfaces):
         members = xyz[labels == k]
@@ -44,7 +49,7 @@ def anchor_surfaces(surfaces: list[Surface], xyz: Array, labels: Index, curves: 
         sigma = np.repeat(sigmas, [len(c.points) for c in rims])
         base = np.concatenate(
             [
-                np.full(len(members), min(_NODES_WORTH / len(members), 1.0) / _NODE_SIGMA**2),
+                min(_NODES_WORTH / len(members), 1.0) / sigmas_of[labels == k] ** 2,
                 _CURVE_SHARE / sigma**2,
             ]
         )

@@ -33,6 +33,7 @@ class Labelled:
         spacing: typical distance between neighbouring samples, unit frame.
         node_xyz: (K, 3) the nodes, on which labels are computed; node_spacing: between these.
         nodes: labels of the nodes and their primitives.
+        told: (K,) nodes that lie exactly on a wall which stage 1 has told.
     """
 
     samples: Samples
@@ -41,6 +42,7 @@ class Labelled:
     node_xyz: Array
     node_spacing: float
     nodes: Labelling
+    told: NDArray[np.bool_]
 
 
 def label_surfels(
@@ -72,22 +74,24 @@ def label_surfels(
     seen = observe(views, patches, xyz, normals, samples.xyz, spacing, settings.border_px)
     same, both = agreement(seen.regions, pairs)
     owner = samples.surfel[chosen]
-    extra = np.zeros(len(pairs))
+    extra, told = np.zeros(len(pairs)), np.zeros(len(chosen), bool)
     if features is not None:
         extra = _features(features, owner, pairs) * settings.features_weight
     if len(evidence.face_id) == len(surfels.centers):
         extra = extra + _faces(evidence.face_id[owner], pairs) * settings.faces_weight
+        told = evidence.face_id[owner] >= len(evidence.face_planes)  # lies exactly on a wall, close to edges or not
     graph = Graph(pairs, distance, same * settings.votes_weight, both * settings.votes_weight, extra)
     shared = np.where(both >= _LEAST_VIEWS, same / np.maximum(both, 1), 0.0)
     slopes = gradients(xyz, normals, seen.grey, pairs, np.where(shared > _SAME_REGION, shared, 0.0))
-    nodes = Nodes(xyz, normals, seen.trust, core(seen, pairs, shared > _SAME_REGION), seen.grey, slopes)
+    sure = core(seen, pairs, shared > _SAME_REGION) | told
+    nodes = Nodes(xyz, normals, np.where(told, 1.0, seen.trust), sure, seen.grey, slopes)
     if settings.labels == "features" and features is not None:
         result = label_by_features(
             nodes, graph, features[owner], settings.features_distance, settings.smallest_patch, settings.seed
         )
     else:
         result = label_nodes(nodes, graph, node_spacing, settings.smallest_patch, settings.seed)
-    return Labelled(samples, spread(samples, xyz, result, node_spacing), spacing, xyz, node_spacing, result)
+    return Labelled(samples, spread(samples, xyz, result, node_spacing), spacing, xyz, node_spacing, result, told)
 
 
 def _features(features: NDArray[np.float32], owner: Index, pairs: Index) -> Array:

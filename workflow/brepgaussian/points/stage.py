@@ -15,6 +15,7 @@ from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
 from brepgaussian.points.anchor import anchor_surfaces, follow
 from brepgaussian.points.assign import label_surfels
+from brepgaussian.points.bend import bent
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
 from brepgaussian.points.graph import Index
@@ -59,11 +60,12 @@ def make_points(
         raise ArtifactError("has masks of another size than the views", file=stage2_path, fix="rerun masks, stage 2")
 
     found = label_surfels(views, patches, surfels, evidence, settings, stage2.features)
-    samples, label, spacing = found.samples, found.label, found.spacing
+    label, spacing = found.label, found.spacing
     xyz, node_spacing, result = found.node_xyz, found.node_spacing, found.nodes
     surfaces = [
         surface_from_row(str(kind), row) for kind, row in zip(result.models.kinds, result.models.rows, strict=True)
     ]
+    samples = bent(found.samples, label, surfaces)
     curves: list[Curve] = []
     if settings.curve_spacing > 0:
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
@@ -71,7 +73,7 @@ def make_points(
         edges = read_masks(masks_path).edges
         dense = samples.xyz
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
-        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves)
+        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves, found.told)
         samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
         xyz = follow(xyz, result.labels, surfaces, anchored)
         surfaces = anchored

@@ -4,16 +4,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brepgaussian.artifacts.base import Provenance
 from brepgaussian.artifacts.masks import Masks, read_masks
-from brepgaussian.artifacts.stage1 import Evidence
+from brepgaussian.artifacts.stage1 import Evidence, Surfels
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import StageError
 from brepgaussian.log import get_logger, progress
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.splatting.camera import RenderOptions
+from brepgaussian.splatting.concave.walls import on_walls
 from brepgaussian.splatting.contrastive import normalised
 from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
 from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
@@ -72,7 +74,7 @@ def train_stage1(
     evidence = Evidence(
         hull_vertices=trained.hull.vertices.astype(np.float32),
         hull_triangles=trained.hull.triangles.astype(np.int32),
-        face_id=assign(trained.faces, surfels.centers, surfels.normals, trained.hull.spacing),
+        face_id=face_ids(trained, surfels),
         face_planes=planes(trained.faces),
         losses=np.array(trained.losses, np.float32),
         features=trained.features,
@@ -81,6 +83,14 @@ def train_stage1(
         evidence = add_edges(evidence, views, float(np.median(masks.noise)), trained.hull, settings)
     surfels.write(out_ply)
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
+
+
+def face_ids(trained: "Trained", surfels: Surfels) -> NDArray[np.int32]:
+    """(N,) planar face or piece of a concavity's wall that each surfel was confirmed to lie on, -1 = none."""
+    spacing = trained.hull.spacing
+    faces = assign(trained.faces, surfels.centers, surfels.normals, spacing)
+    walls = on_walls(trained.hull.prisms, surfels.centers, surfels.normals, spacing).piece
+    return np.where((faces < 0) & (walls >= 0), len(trained.faces) + walls, faces).astype(np.int32)
 
 
 def add_edges(evidence: Evidence, views: Views, noise: float, hull: Hull, settings: Stage1Settings) -> Evidence:
@@ -271,11 +281,13 @@ def footprint(targets: list[Target]) -> float:
 
 
 def tie(parameters: Parameters, hull: Hull | None) -> None:
-    """Put surfels of a hull's fillets on these, in place."""
-    if hull is None or not hull.fillets:
+    """Put surfels of a hull's fillets and of its concavities' walls on these, in place."""
+    if hull is None or not (hull.fillets or hull.prisms):
         return
     before = parameters.surfels().normals
     centers, normals = tied(parameters.cloud.centers, before, hull.fillets, hull.spacing)
+    walls = on_walls(hull.prisms, centers, normals, hull.spacing)
+    centers, normals = walls.foot.astype(np.float32), walls.normal.astype(np.float32)
     parameters.replace("centers", centers)
     parameters.replace("quaternions", turned(parameters.cloud.quaternions, before, normals))
 

@@ -12,6 +12,7 @@ from brepgaussian.splatting.concave.sweep import straighten
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.concave.walls import agreed, drawn
 
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
@@ -51,6 +52,7 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
+        known = agreed([drawn(images, scene, prism) if k in fresh else prism for k, prism in enumerate(known)])
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             margin = _MARGIN_CELLS * hull.spacing + known[k].above
             known[k] = shortened(images, hull, known[k], margin)
@@ -59,7 +61,8 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         floors = [known[k] for k in fresh]
         if not floors:
             break
-    for prism in find_curved(images, scene, hull.spacing, known):
+    for found_prism in find_curved(images, scene, hull.spacing, known):
+        prism = drawn(images, scene, found_prism)
         opened = hull.without(prism, _MARGIN_CELLS * hull.spacing)
         after = opened.scene()
         if _agreeable(images, scene, after, prism, 2 * hull.spacing):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian import log
+from brepgaussian.splatting.concave.draw import border_of
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ def _common_disc(first: Prism, second: Prism) -> Outline | None:
 
 def _disc(outline: Outline) -> Outline | None:
     """The disc of which an outline shows most of the rim, or None."""
-    border = _border(outline)
+    border = border_of(outline)
     rng = np.random.default_rng(0)
     best = np.zeros(len(border), bool)
     for _ in range(_TRIALS):
@@ -71,17 +72,6 @@ def _disc(outline: Outline) -> Outline | None:
     middle, radius = _circle(border[best])
     rows, columns = np.indices(outline.shape)
     return np.asarray(np.hypot(rows - middle[0], columns - middle[1]) <= radius)
-
-
-def _border(outline: Outline) -> Array:
-    """(N, 2) places on an outline's border, half-way between a cell of it and one beside it."""
-    padded = np.pad(outline, 1).astype(np.int8)
-    places = []
-    for axis in (0, 1):
-        change = np.argwhere(np.diff(padded, axis=axis) != 0).astype(float)
-        change[:, axis] += 0.5
-        places.append(change - 1)
-    return np.concatenate(places)
 
 
 def _circle(places: Array) -> tuple[Array, float]:

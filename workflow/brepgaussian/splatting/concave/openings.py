@@ -30,7 +30,7 @@ _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbo
 _ISLAND_SHARE = 0.5  # of a boss's top is face; in the rest a hole may be
 _RIM_SLOPE = 0.3  # tolerances per cell: a step of two grey levels, blurred by a cell, is steeper
 _RIM_CELLS = 2  # half the width of a blurred rim
-_OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
+OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
 @dataclass(frozen=True)
@@ -145,10 +145,10 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     # what the views agree on within an opening may be its floor, or an island as high as the lid: both are tried
     holes, _ = ndimage.label(filled & ~region)
     island = np.bincount(holes.ravel())[holes] * stack.lattice.pitch**2 >= least_area
-    island = ndimage.binary_opening(island & (holes > 0), iterations=_OPENING_CELLS)
+    island = ndimage.binary_opening(island & (holes > 0), iterations=OPENING_CELLS)
     outlines: list[NDArray[np.bool_]] = []
     for candidate in [filled] if not island.any() else [filled, filled & ~island]:
-        opened = ndimage.binary_opening(candidate, iterations=_OPENING_CELLS)
+        opened = ndimage.binary_opening(candidate, iterations=OPENING_CELLS)
         labels, count = ndimage.label(opened)
         found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
         outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
@@ -172,7 +172,7 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
     border[[0, -1]] = border[:, [0, -1]] = True
     found = []
     for k in range(1, count + 1):
-        region = ndimage.binary_opening(labels == k, iterations=_OPENING_CELLS - 1)
+        region = ndimage.binary_opening(labels == k, iterations=OPENING_CELLS - 1)
         outline = ndimage.binary_fill_holes(ndimage.binary_dilation(region, iterations=_RIM_CELLS))
         area = outline.sum() * stack.lattice.pitch**2
         if area >= least_area and not (outline & border).any():

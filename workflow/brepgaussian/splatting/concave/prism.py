@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from brepgaussian.splatting.concave.sections import Section
+
 Array = NDArray[np.float64]
 
 _SMOOTH_CELLS = 1.5  # an outline of cells is a staircase, a wall is not
@@ -79,6 +81,7 @@ class Prism:
         sink: how far it shrinks at most: from there on a countersunk hole is straight.
         endless: whether the rays that tell its walls don't tell a floor: it may as well be deeper, or go through.
         above: how high the hull stands over the opening, where it fills the corner beside a hub.
+        section: what the outline is a drawing of, if it is one of the usual ones; its walls are straight.
     """
 
     lattice: Lattice
@@ -91,6 +94,7 @@ class Prism:
     sink: float = np.inf
     endless: bool = False
     above: float = 0.0
+    section: Section | None = None
 
     @property
     def area(self) -> float:
@@ -101,6 +105,13 @@ class Prism:
     def _smooth_outline(self) -> Array:
         return np.asarray(ndimage.gaussian_filter(signed_outline(self.outline), _SMOOTH_CELLS) * self.lattice.pitch)
 
+    def lateral(self, cells: Array) -> Array:
+        """(N,) distance, unit frame, of fractional cells (N, 2) to the opening's border, negative inside."""
+        if self.section is not None:
+            return self.section.signed_distance(cells) * self.lattice.pitch
+        inside = np.asarray(ndimage.map_coordinates(self._smooth_outline, cells.T, order=1, mode="nearest"))
+        return inside + _beyond(cells, self.lattice.shape) * self.lattice.pitch
+
     def signed_distance(self, points: Array, margin: float) -> Array:
         """(N,) about the distance to the concavity's walls and floor, negative within it.
 
@@ -108,17 +119,20 @@ class Prism:
             points: (N, 3) positions.
             margin: how far it reaches above its opening (and below its end, if it goes through).
         """
-        cells, height = self.lattice.coordinates(points)
-        cells = cells + np.outer(height, self.tilt) / self.lattice.pitch
-        lateral = ndimage.map_coordinates(self._smooth_outline, cells.T, order=1, mode="nearest")
+        cells, height = self.upright(points)
+        lateral = self.lateral(cells)
         leaning = 1 + np.dot(self.tilt, self.tilt)
         throat = (lateral + self.sink) / np.sqrt(leaning)
         lateral = (lateral + self.draft * np.maximum(-height, 0)) / np.sqrt(leaning + self.draft**2)
         lateral = np.minimum(lateral, throat)
-        beyond = _beyond(cells, self.lattice.shape) * self.lattice.pitch
         bottom = self.depth + (margin if self.through else 0.0)
         vertical = np.maximum(height - margin, -height - bottom)
-        return np.maximum(lateral + beyond, vertical)
+        return np.maximum(lateral, vertical)
+
+    def upright(self, points: Array) -> tuple[Array, Array]:
+        """(N, 2) fractional cells of the opening below which points (N, 3) lie, along its walls, and (N,) heights."""
+        cells, height = self.lattice.coordinates(points)
+        return cells + np.outer(height, self.tilt) / self.lattice.pitch, height
 
     def contains(self, points: Array, margin: float) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) lie within a straight concavity; `margin` as for `signed_distance`."""

@@ -1,0 +1,250 @@
+"""Openings' outlines in cells and the sections that they are drawings of; rims, walls and the surfels on them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brepgaussian.splatting.concave.draw import border_of, fitted
+from brepgaussian.splatting.concave.openings import Stack
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.rims import at_rim
+from brepgaussian.splatting.concave.sections import Flatted, Hexagon, Keyed, Rounded, Section
+from brepgaussian.splatting.concave.walls import agreed, on_walls
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy import ndimage
+
+SHAPE, PITCH = (90, 100), 0.005
+CENTER = (43.2, 51.7)
+SECTIONS = {
+    "circle": Section(CENTER, 0.0, Rounded((17.3, 17.3), 17.3)),
+    "small circle": Section(CENTER, 0.0, Rounded((5.2, 5.2), 5.2)),
+    "slot": Section(CENTER, 0.4, Rounded((30.5, 9.8), 9.8)),
+    "rectangle": Section(CENTER, -0.3, Rounded((27.4, 14.6), 0.0)),
+    "pocket": Section(CENTER, 1.2, Rounded((28.1, 20.3), 9.4)),
+    "hexagon": Section(CENTER, 0.2, Hexagon(16.2)),
+    "keyed": Section(CENTER, 2.2, Keyed(18.4, 5.6, 25.3)),
+    "flatted": Section(CENTER, -0.7, Flatted(17.8, 11.2)),
+}
+PIECES = [("circle", 1), ("slot", 4), ("rectangle", 4), ("pocket", 8), ("hexagon", 6), ("keyed", 4), ("flatted", 2)]
+GRID = np.stack(np.indices(SHAPE), axis=-1).astype(float)
+
+
+def raster(section: Section) -> np.ndarray:
+    return section.signed_distance(GRID) < 0
+
+
+def opened(cells: np.ndarray) -> np.ndarray:
+    return ndimage.binary_opening(cells, iterations=3)
+
+
+def chewed(cells: np.ndarray, seed: int) -> np.ndarray:
+    """Cells with a border that runs half a cell to and fro, smoothly as the views' do."""
+    noise = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=cells.shape), 2.0)
+    noise *= 0.5 / noise.std()
+    signed = ndimage.distance_transform_edt(cells) - ndimage.distance_transform_edt(~cells)
+    return opened(signed + noise > 0)
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+@pytest.mark.parametrize("seed", [11, 12])
+def test_the_section_of_a_chewed_outline_is_found(name, seed):
+    true = SECTIONS[name]
+    found = fitted(chewed(raster(true), seed), opened)
+    assert found is not None
+    assert type(found.shape) is type(true.shape)
+    assert np.allclose(found.center, true.center, atol=0.4)
+    assert np.abs(found.signed_distance(true.border(200))).max() < 1.2
+    if isinstance(true.shape, Rounded):
+        assert np.allclose(sorted(found.shape.half), sorted(true.shape.half), atol=0.5)
+        assert abs(found.shape.radius - true.shape.radius) < (1.5 if name == "pocket" else 0.5)
+
+
+@pytest.mark.parametrize("cut", ["disc with two ears", "angle", "triangle"])
+def test_other_outlines_have_no_section(cut):
+    rows, columns = np.indices(SHAPE)
+    disc = (rows - 45) ** 2 + (columns - 50) ** 2 < 20**2
+    shapes = {
+        "disc with two ears": disc | ((np.abs(columns - 50) < 6) & (np.abs(rows - 45) < 32)),
+        "angle": disc & ((rows > 45) | (columns > 50)),
+        "triangle": (rows > 20) & (rows - 20 > 1.5 * np.abs(columns - 50)) & (rows < 80),
+    }
+    assert fitted(shapes[cut], opened) is None
+
+
+def test_narrow_and_empty_outlines_have_no_section():
+    assert fitted(np.zeros(SHAPE, bool), opened) is None
+    assert fitted(raster(Section(CENTER, 0.0, Rounded((20.0, 1.5), 0.0))), lambda cells: cells) is None
+
+
+@given(
+    angle=st.floats(-3, 3),
+    half=st.tuples(st.floats(4, 30), st.floats(4, 30)),
+    share=st.floats(0, 1),
+    at=st.tuples(st.floats(-60, 60), st.floats(-60, 60)),
+)
+def test_distance_outside_is_that_to_a_drawing_of_the_border(angle, half, share, at):
+    radius = share * min(half)
+    section = Section((0.0, 0.0), angle, Rounded(half, radius))
+    inner = np.array(half) - radius
+    steps, turn = np.linspace(-1, 1, 401)[:, None], np.linspace(0, 2 * np.pi, 721)
+    ring = radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    lines = [np.array([a, b]) * inner + ring for a in (-1, 1) for b in (-1, 1)]
+    lines += [np.hstack([steps * inner[0], np.full_like(steps, side * half[1])]) for side in (-1, 1)]
+    lines += [np.hstack([np.full_like(steps, side * half[0]), steps * inner[1]]) for side in (-1, 1)]
+    c, s = np.cos(angle), np.sin(angle)
+    drawing = np.concatenate(lines) @ np.array([[c, s], [-s, c]])
+    distance = section.signed_distance(np.array([at]))[0]
+    assume(distance > 0)
+    assert abs(np.linalg.norm(drawing - np.array(at), axis=1).min() - distance) < 0.1
+
+
+@pytest.mark.parametrize(("name", "count"), PIECES)
+def test_pieces_are_the_faces_of_a_wall(name, count):
+    section = SECTIONS[name]
+    places = section.border(2000)
+    pieces, normals = section.pieces(places), section.gradient(places)
+    away = ~section.near_corners(places, 0.6)  # a border is traced in steps of half a cell
+    assert np.abs(section.signed_distance(places[away])).max() < 0.05
+    assert len(np.unique(pieces)) == count
+    curved = {"circle": 180.0, "slot": 180.0, "pocket": 91.0, "keyed": 180.0, "flatted": 180.0}
+    for piece in np.unique(pieces):
+        own = normals[(pieces == piece) & away]
+        assert np.degrees(np.arccos(np.clip(own @ own.T, -1, 1))).max() <= curved.get(name, 1.0)
+
+
+def test_border_lies_half_way_between_cells():
+    cells = np.zeros((6, 7), bool)
+    cells[2:4, 2:5] = True
+    border = border_of(cells)
+    assert len(border) == 10
+    assert set(border[:, 0]) == {1.5, 2.0, 3.0, 3.5}
+    assert set(border[:, 1]) == {1.5, 2.0, 3.0, 4.0, 4.5}
+
+
+def prism_of(section: Section, depth: float = 0.2, flipped: bool = False) -> Prism:
+    """A concavity below z = 0, or above z = -depth if flipped."""
+    sign = -1.0 if flipped else 1.0
+    origin = np.array([0.0, 0.0, -depth if flipped else 0.0])
+    lattice = Lattice(
+        origin, np.array([1.0, 0.0, 0.0]), np.array([0.0, sign, 0.0]), np.array([0.0, 0.0, sign]), PITCH, SHAPE
+    )
+    return Prism(lattice, raster(section), depth, True, 0.0)
+
+
+def basis_of(prism: Prism) -> np.ndarray:
+    return np.stack([prism.lattice.first, prism.lattice.second])
+
+
+def placed(prism: Prism, cells: np.ndarray, depth: float | np.ndarray = 0.0) -> np.ndarray:
+    """(N, 3) places of fractional cells (N, 2), below a prism's lattice."""
+    below = np.broadcast_to(np.asarray(depth, float), len(cells))[:, None] * prism.lattice.normal
+    return prism.lattice.origin + PITCH * (cells + 0.5) @ basis_of(prism) - below
+
+
+def test_a_prism_with_a_section_has_straight_walls():
+    section = SECTIONS["slot"]
+    rough = prism_of(section)
+    prism = replace(rough, section=fitted(rough.outline, opened))
+    below = placed(prism, section.border(300), 0.1)
+    exact = np.abs(prism.signed_distance(below, 0.0))
+    assert exact.mean() < 0.5 * np.abs(rough.signed_distance(below, 0.0)).mean()
+    assert exact.max() < 0.001
+
+
+def test_surfels_are_put_on_the_piece_of_the_wall_that_they_lie_next_to():
+    section = SECTIONS["slot"]
+    prism = replace(prism_of(section), section=section)
+    cells = section.border(400)
+    rng = np.random.default_rng(3)
+    xyz = placed(prism, cells, rng.uniform(0.02, 0.18, 400))
+    normals = -section.gradient(cells) @ basis_of(prism)
+    noisy = xyz + rng.normal(0, 0.001, (400, 1)) * normals
+    found = on_walls([prism], noisy, normals, PITCH)
+    assert np.array_equal(found.piece, section.pieces(cells))
+    assert np.abs(found.foot - xyz).max() < 2e-4
+    assert np.einsum("nc,nc->n", found.normal, normals).min() > 0.9999
+    # what faces another way, or lies below the floor, is not on it
+    other = on_walls([prism], noisy, -normals, PITCH)
+    assert (other.piece == -1).all()
+    assert np.array_equal(other.foot, noisy)
+    assert (on_walls([prism], noisy - 0.3 * prism.lattice.normal, normals, PITCH).piece == -1).all()
+
+
+def test_walls_of_a_countersunk_hole_are_a_cone_and_a_throat():
+    section = SECTIONS["circle"]
+    prism = replace(prism_of(section), section=section, draft=1.0, sink=0.03)
+    turn = np.linspace(0, 2 * np.pi, 50, endpoint=False)
+    out = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(50)])
+    middle, radius = placed(prism, np.array([CENTER])), PITCH * section.shape.radius
+    rim = middle + (radius - 0.015) * out - [0, 0, 0.015]
+    throat = middle + (radius - 0.03) * out - [0, 0, 0.1]
+    leaning = (np.array([0, 0, 1.0]) - out) / np.sqrt(2)
+    found = on_walls([prism], np.concatenate([rim, throat]), np.concatenate([leaning, -out]), PITCH)
+    assert len(np.unique(found.piece[:50])) == 1
+    assert len(np.unique(found.piece[50:])) == 1
+    assert found.piece[0] != found.piece[50]
+    assert np.allclose(found.foot, np.concatenate([rim, throat]), atol=1e-6)
+    assert np.allclose(found.normal, np.concatenate([leaning, -out]), atol=1e-6)
+
+
+def test_both_ends_of_a_hole_get_one_wall():
+    section = replace(SECTIONS["slot"], misfit=0.1)
+    near = replace(prism_of(section), section=section)
+    # the far end's lattice is the mirror image: rows along x, columns along -y
+    center = (CENTER[0], -1.0 - CENTER[1])
+    mirrored = Section(center, -section.angle, Rounded((31.0, 9.4), 9.4), misfit=0.3)
+    far = replace(prism_of(section, flipped=True), section=mirrored)
+    one, other = agreed([near, far])
+    assert one.section == section
+    assert np.allclose(other.section.shape.half, section.shape.half)
+    assert np.allclose(other.section.center, center)
+    exact = replace(mirrored, shape=section.shape)
+    assert np.abs(exact.signed_distance(other.section.border(64))).max() < 0.05
+    cells = section.border(100)
+    xyz, normals = placed(near, cells, 0.1), -section.gradient(cells) @ basis_of(near)
+    assert np.array_equal(on_walls([one, other], xyz, normals, PITCH).piece, section.pieces(cells))
+    swapped = on_walls([other, one], xyz, normals, PITCH).piece  # whichever end comes first
+    assert len(np.unique(np.column_stack([swapped, section.pieces(cells)]), axis=0)) == 4
+
+
+def rim_seen(section: Section, height: float, views: int = 12) -> tuple[Stack, np.ndarray]:
+    """What cameras around an opening show on a lattice that lies `height` cells below the plane; their centres.
+
+    The plane is bright. Below it is a floor with stripes, which parallax moves from view to view.
+    """
+    prism = prism_of(section)
+    lattice, turn = prism.lattice, 2 * np.pi * np.arange(views) / views
+    centers = placed(prism, np.array([CENTER])) + 2 * np.column_stack([np.cos(turn), np.sin(turn), np.ones(views)])
+    grey = []
+    for center in centers:
+        sight = center - lattice.centers()
+        lean = np.stack([sight @ lattice.first, sight @ lattice.second], axis=-1) / (sight @ lattice.normal)[..., None]
+        inside = section.signed_distance(GRID + height * lean)  # where the ray through a cell meets the plane
+        below = 120 + 25 * np.sin((GRID - 20 * lean)[..., 0] / 4)
+        grey.append(below + (200 - below) * np.clip(inside + 0.5, 0, 1))
+    levels = np.array(grey, np.float32)
+    return Stack(lattice, np.ones(SHAPE, bool), np.zeros(levels.shape, np.uint8), levels, np.zeros(SHAPE)), centers
+
+
+@pytest.mark.parametrize("height", [0.0, 0.7, -0.7])
+@pytest.mark.parametrize("name", ["circle", "slot", "pocket", "hexagon", "keyed", "flatted"])
+def test_the_rim_is_found_where_all_views_show_it(name, height):
+    true = SECTIONS[name]
+    stack, centers = rim_seen(true, height)
+    rough = replace(true.grown(-0.6), center=(CENTER[0] + 0.4, CENTER[1] - 0.3))
+    if isinstance(rough.shape, Rounded) and name == "slot":  # its ends are seen by few views
+        rough = replace(rough, shape=Rounded((rough.shape.half[0] - 1.5, rough.shape.half[1]), rough.shape.radius))
+    found = at_rim(rough, stack, centers, 1.5)
+    assert type(found.shape) is type(true.shape)
+    places = true.border(200)
+    assert np.abs(found.signed_distance(places[~true.near_corners(places, 0.6)])).max() < 0.25
+    if isinstance(true.shape, Rounded):
+        assert abs(found.shape.radius - true.shape.radius) < 0.6
+
+
+def test_without_a_rim_the_cells_count():
+    section = SECTIONS["slot"]
+    stack, centers = rim_seen(section, 0.0)
+    for grey in (90.0, np.nan):  # the plane is as dark as what lies below; no view sees it
+        assert at_rim(section, replace(stack, grey=np.full_like(stack.grey, grey)), centers, 1.5) == section

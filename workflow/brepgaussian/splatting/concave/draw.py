@@ -1,0 +1,224 @@
+"""The section that an outline of cells, or places on a rim, are a drawing of.
+
+An outline of cells is known to half a cell, and what smooths it rounds its corners; so the simplest section that it
+allows is taken.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.optimize import least_squares
+
+from brepgaussian.splatting.concave.sections import LEAST_STRAIGHT, Flatted, Hexagon, Keyed, Rounded, Section
+
+Array = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+Family = tuple[Callable[[Sequence[float]], Section], Sequence[float]]  # sections from parameters, and where to start
+
+_OUTLIER_CELLS = 0.5  # residuals of the cells' borders beyond that count linearly
+_ROUNDED_CELLS = 5.0  # from a sharp corner: what opening an outline takes away
+_CORRELATED_CELLS = 3.0  # neighbouring cells of an outline err together
+_MOST_MEAN = 0.4  # cells by which outline and section differ, along the border: a staircase alone gives a quarter
+_MOST_FAR = 2.0  # cells by which no place may differ
+_CORRELATED_PLACES = 2.0  # neighbouring places of a rim err together
+_LEAST_OFF, _MOST_OFF = 0.1, 0.3  # cells: rms of a rim's places, at best, and for a section to go through them
+_MOST_MOVED = 3.0  # cells from where the outline was
+_LEAST_RADIUS = 3.0  # cells; narrower openings have no section that cells could tell
+_NOTCH_CELLS = 2.0  # beyond a circle, or within: a keyway, or a flat
+_LEAST_NOTCH = 12  # cells of one
+_TURN = 0.02  # radians of a section's angle that move its border as much as a cell of its other parameters
+
+
+def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
+    """The simplest section that an outline of cells (R, C) allows, or None.
+
+    Args:
+        outline: inside cells.
+        opened: what was done to the outline when it was found; it rounds corners, of sections too.
+    """
+    border = border_of(outline)
+    if len(border) < 4 * _LEAST_RADIUS:
+        return None
+    center, half, angle = _box(border)
+    if half.min() < _LEAST_RADIUS:
+        return None
+    lattice = np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in outline.shape), indexing="ij"), axis=-1)
+    count = len(border) / _CORRELATED_CELLS
+    best, score = None, np.inf
+    for build, start in _families(center, half, angle, outline):
+        first = _least_squares(border, build, start)
+        again = None
+        if first is not None and len(first.shape.corners()):  # once more without what the opening has rounded off
+            again = _least_squares(border[~first.near_corners(border, _ROUNDED_CELLS)], build, start)
+        for section in (first, again):
+            if section is None:
+                continue
+            mean, far = _difference(outline, opened(section.signed_distance(lattice) <= 0), len(border))
+            value = count * np.log(mean**2 + 1 / 12) + len(start) * np.log(count)  # BIC
+            if mean <= _MOST_MEAN and far <= _MOST_FAR and value < score:
+                best, score = replace(section, misfit=mean), value
+    return best
+
+
+def refitted(border: Array, section: Section) -> Section | None:
+    """The simplest section through places of a border (N, 2), in cells, beginning from another section, or None."""
+    count, best, score = len(border) / _CORRELATED_PLACES, None, np.inf
+    before = section.border(len(border))
+    for build, start in _near(section):
+        found = _least_squares(border, build, start)
+        if found is None:
+            continue
+        off = np.abs(found.signed_distance(border))
+        misfit = float(np.sqrt((np.minimum(off, _OUTLIER_CELLS) ** 2).mean()))
+        value = count * np.log(misfit**2 + _LEAST_OFF**2) + len(start) * np.log(count)  # BIC
+        moved = np.abs(found.signed_distance(before)).max()
+        if misfit <= _MOST_OFF and moved <= _MOST_MOVED and value < score:
+            best, score = replace(found, misfit=misfit), value
+    return best
+
+
+def border_of(outline: Cells) -> Array:
+    """(N, 2) places on an outline's border, half-way between a cell of it and one beside it."""
+    padded = np.pad(outline, 1).astype(np.int8)
+    places = []
+    for axis in (0, 1):
+        change = np.argwhere(np.diff(padded, axis=axis) != 0).astype(float)
+        change[:, axis] += 0.5
+        places.append(change - 1)
+    return np.concatenate(places)
+
+
+def _circle(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), 0.0, Rounded((p[2], p[2]), p[2]))
+
+
+def _hexagon(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Hexagon(p[3]))
+
+
+def _slot(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Rounded((p[3], p[4]), min(p[3], p[4])))
+
+
+def _rectangle(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Rounded((p[3], p[4]), 0.0))
+
+
+def _rounded(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Rounded((p[3], p[4]), min(max(p[5], 0.0), p[3], p[4])))
+
+
+def _flatted(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Flatted(p[3], p[4]))
+
+
+def _keyed(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Keyed(p[3], p[4], p[5]))
+
+
+def _families(center: Array, half: Array, angle: float, outline: Cells) -> Iterator[Family]:
+    """What an outline may be, simplest first; `half` the sides of the box around it, the longer one first."""
+    x, y, a, b = float(center[0]), float(center[1]), float(half[0]), float(half[1])
+    yield _circle, [x, y, (a + b) / 2]
+    yield from ((_hexagon, [x, y, angle + turn, 0.475 * (a + b)]) for turn in (0.0, np.pi / 6))
+    yield _slot, [x, y, angle, a, b]
+    yield _rectangle, [x, y, angle, a, b]
+    yield _rounded, [x, y, angle, a, b, 0.5 * b]
+    yield from _notched(outline)
+
+
+def _near(section: Section) -> Iterator[Family]:
+    """What a section may be, more exactly."""
+    (x, y), angle, shape = section.center, section.angle, section.shape
+    if isinstance(shape, Rounded):
+        (a, b), turned = shape.half, angle
+        if b > a:
+            a, b, turned = b, a, angle + np.pi / 2
+        yield _circle, [x, y, (a + b) / 2]
+        yield _slot, [x, y, turned, a, b]
+        yield _rectangle, [x, y, turned, a, b]
+        yield _rounded, [x, y, turned, a, b, 0.5 * b]
+    elif isinstance(shape, Hexagon):
+        yield _hexagon, [x, y, angle, shape.inner]
+    elif isinstance(shape, Flatted):
+        yield _flatted, [x, y, angle, shape.radius, shape.flat]
+    elif isinstance(shape, Keyed):
+        yield _keyed, [x, y, angle, shape.radius, shape.width, shape.end]
+
+
+def _notched(outline: Cells) -> Iterator[Family]:
+    """Circles with a flat or with a keyway, where the outline has less or more than the circle on one side."""
+    inside = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1]
+    middle = np.array(np.unravel_index(int(np.argmax(inside)), outline.shape), float)  # of the largest disc in it
+    radius = float(inside.max())
+    away = np.linalg.norm(np.moveaxis(np.indices(outline.shape), 0, -1) - middle, axis=-1)
+    key = _largest(outline & (away > radius + _NOTCH_CELLS))
+    if key.sum() >= _LEAST_NOTCH:
+        way = np.argwhere(key).mean(axis=0) - middle
+        end = float(away[key].max())
+        width = float(key.sum()) / max(end - radius - _NOTCH_CELLS, 1.0) / 2
+        yield _keyed, [*middle, float(np.arctan2(way[1], way[0])), radius, width, end]
+    border = border_of(outline)
+    around = _least_squares(border, _circle, [*middle, radius])
+    if around is None or not isinstance(around.shape, Rounded):
+        return
+    grid = np.moveaxis(np.indices(outline.shape), 0, -1).astype(float)
+    missing = _largest(~outline & (around.signed_distance(grid) < -_NOTCH_CELLS / 2))
+    if missing.sum() >= _LEAST_NOTCH:
+        cells = np.argwhere(missing) - np.array(around.center)
+        way = cells.mean(axis=0) / np.linalg.norm(cells.mean(axis=0))
+        flat = float((cells @ way).min())
+        yield _flatted, [*around.center, float(np.arctan2(way[1], way[0])), around.shape.radius, flat]
+
+
+def _largest(cells: Cells) -> Cells:
+    labels, count = ndimage.label(cells)
+    return np.asarray(labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))) if count else cells
+
+
+def _least_squares(
+    border: Array, build: Callable[[Sequence[float]], Section], start: Sequence[float]
+) -> Section | None:
+    """The section next to places (N, 2), or None: too few of them, or a section too narrow."""
+    if len(border) < len(start):
+        return None
+    scale = np.ones(len(start))
+    if len(start) > 3:
+        scale[2] = _TURN
+    found = least_squares(
+        lambda p: build(p.tolist()).signed_distance(border),
+        start,
+        loss="soft_l1",
+        f_scale=_OUTLIER_CELLS,
+        x_scale=scale,
+    )
+    section = build(found.x.tolist())
+    if not np.isfinite(found.x).all() or section.signed_distance(np.array(section.center)) > -_LEAST_RADIUS:
+        return None
+    shape = section.shape
+    if isinstance(shape, Rounded) and 0 < max(shape.half) - shape.radius < LEAST_STRAIGHT:
+        return None  # nearly a circle is one
+    return section
+
+
+def _box(border: Array) -> tuple[Array, Array, float]:
+    """Centre (2,), half sides (2,), longer first, and angle of the least rectangle around places (N, 2)."""
+    import cv2
+
+    (x, y), (w, h), degrees = cv2.minAreaRect(border.astype(np.float32))
+    angle = np.radians(degrees)
+    if h > w:
+        w, h, angle = h, w, angle + np.pi / 2
+    return np.array([x, y]), np.array([w, h]) / 2, float(angle)
+
+
+def _difference(outline: Cells, other: Cells, border: int) -> tuple[float, float]:
+    """By how many cells two outlines differ along a border of `border` cells, and at most."""
+    wrong = outline ^ other
+    if not other.any():
+        return np.inf, np.inf
+    away = np.maximum(ndimage.distance_transform_edt(outline), ndimage.distance_transform_edt(~outline))
+    return float(wrong.sum()) / border, float((away * wrong).max())

@@ -1,0 +1,181 @@
+"""Walls of concavities as faces: which surfel lies on which piece of which wall, and where exactly.
+
+Pixels are as large as what tells a narrow wall's surfels apart, rays through the opening tell of the wall as a whole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.draw import fitted
+from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.rims import at_rim
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.sections import PIECES, Section
+
+Array = NDArray[np.float64]
+
+_PARALLEL = 0.999  # cosine of 2.5 degrees
+_SAME_CELLS = 1.5  # by which walls of one hole may seem to differ, seen from its two ends
+_SAMPLES = 64  # of a section's border
+_FAR_CELLS = 1.5  # of the hull; a surfel farther from a wall is not on it
+_NUMBERS = 2 * PIECES + 1  # of a concavity: the pieces of its throat, of its rim's cone, its floor
+_FLAT = np.cos(np.radians(25.0))  # of a surfel's normal and the floor's
+_MOSTLY = 0.8  # of what lies deep inside is floor, or the floor is not flat
+_ALIKE = np.cos(np.radians(35.0))  # of a surfel's normal and the wall's
+
+logger = get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class OnWalls:
+    """Surfels and walls.
+
+    Attributes:
+        piece: (N,) number of the piece of a wall that a surfel lies on, -1 = none.
+        foot: (N, 3) where on the wall; normal: (N, 3) the wall's there, out of the solid. Their own if on none.
+    """
+
+    piece: NDArray[np.int64]
+    foot: Array
+    normal: Array
+
+
+def drawn(images: Images, scene: Scene, prism: Prism) -> Prism:
+    """A concavity with the section that its outline is a drawing of, if there is one; views say exactly where."""
+
+    def opened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
+
+    section = fitted(prism.outline, opened)
+    if section is not None:
+        stack = rectify(images, scene, prism.lattice)
+        section = at_rim(section, stack, images.views.cameras.centers, images.tolerance)
+        logger.info("opening of area %.4f: %s cells, misfit %.2f", prism.area, section.shape, section.misfit)
+    return replace(prism, section=section)
+
+
+def agreed(prisms: Sequence[Prism]) -> list[Prism]:
+    """The same concavities; those that tell of one hole from several sides have the section that is told best."""
+    result = list(prisms)
+    for k, first in _holes(result).items():
+        if first != k:
+            better, worse = sorted((first, k), key=lambda i: _drawing(result[i]).misfit)
+            throat = _carried(_throat(result[better]), result[better].lattice, result[worse].lattice)
+            result[worse] = replace(result[worse], section=throat.grown(_sink(result[worse])))
+    return result
+
+
+def _holes(prisms: Sequence[Prism]) -> dict[int, int]:
+    """Of every concavity with a section, the first one that has the same walls: a hole is seen from both its ends."""
+    first: dict[int, int] = {}
+    for k, prism in enumerate(prisms):
+        if prism.section is not None:
+            same = (i for i in first.values() if _same_walls(prisms[i], prism))
+            first[k] = next(same, k)
+    return first
+
+
+def _drawing(prism: Prism) -> Section:
+    """The section of a concavity that has one."""
+    assert prism.section is not None
+    return prism.section
+
+
+def _same_walls(one: Prism, other: Prism) -> bool:
+    if abs(one.lattice.normal @ other.lattice.normal) < _PARALLEL or any(one.tilt) or any(other.tilt):
+        return False
+    if _is_tapered(one) or _is_tapered(other):
+        return False
+    there = _carried(_throat(other), other.lattice, one.lattice)
+    return bool(np.abs(_throat(one).signed_distance(there.border(_SAMPLES))).max() < _SAME_CELLS)
+
+
+def _is_tapered(prism: Prism) -> bool:
+    return prism.draft > 0 and not np.isfinite(prism.sink)
+
+
+def _sink(prism: Prism) -> float:
+    """By how many cells the throat is narrower than the opening."""
+    return prism.sink / prism.lattice.pitch if prism.draft > 0 else 0.0
+
+
+def _throat(prism: Prism) -> Section:
+    return _drawing(prism).grown(-_sink(prism))
+
+
+def _carried(section: Section, start: Lattice, lattice: Lattice) -> Section:
+    """A section on one lattice, carried along its normal to a parallel one."""
+    scale = start.pitch / lattice.pitch
+    axis = np.array([np.cos(section.angle), np.sin(section.angle)])
+    places = np.array(section.center) + np.array([np.zeros(2), axis])
+    xyz = start.origin + ((places + 0.5) * start.pitch) @ np.stack([start.first, start.second])
+    (center, end), _ = lattice.coordinates(xyz)
+    angle = float(np.arctan2(*(end - center)[::-1]))
+    shape = section.shape.mapped(lambda length: scale * length)
+    return replace(section, center=(float(center[0]), float(center[1])), angle=angle, shape=shape)
+
+
+def on_walls(
+    prisms: Sequence[Prism], centers: NDArray[np.floating], normals: NDArray[np.floating], spacing: float
+) -> OnWalls:
+    """Find the walls that surfels lie on; where walls compete, the nearest.
+
+    Args:
+        prisms: concavities; those without a section have no pieces.
+        centers, normals: (N, 3) surfels.
+        spacing: edge of the hull's voxels.
+    """
+    piece = np.full(len(centers), -1)
+    places, facing = centers.astype(np.float64), normals.astype(np.float64)
+    foot, wall = places.copy(), facing.copy()
+    nearest = np.full(len(centers), _FAR_CELLS * spacing)
+    for k, hole in _holes(prisms).items():
+        prism = prisms[k]
+        section, lattice = _drawing(prism), prism.lattice
+        cells, height = prism.upright(places)
+        sunk = np.minimum(prism.draft * np.maximum(-height, 0), prism.sink)
+        throat = (prism.draft == 0) | (sunk >= prism.sink)
+        off = prism.lateral(cells) + sunk
+        inward = -section.gradient(cells)  # (N, 2)
+        lean = inward @ np.array(prism.tilt) + np.where(throat, 0.0, prism.draft)
+        inward = inward[:, :1] * lattice.first + inward[:, 1:] * lattice.second
+        normal = inward + lean[:, None] * lattice.normal
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        alike = np.einsum("nc,nc->n", normal, facing) > _ALIKE
+        mine = (height < 0) & (height > -prism.depth) & (np.abs(off) < nearest) & alike
+        of_hole = _drawing(prisms[hole]).pieces(prisms[hole].upright(places)[0])  # one frame for both ends
+        number = np.where(throat, hole * _NUMBERS + of_hole, k * _NUMBERS + PIECES + section.pieces(cells))
+        piece[mine] = number[mine]
+        foot[mine], wall[mine] = (places + off[:, None] * inward)[mine], normal[mine]
+        nearest[mine] = np.abs(off[mine])
+        floor, rise = _on_floor(prism, off, height, facing @ lattice.normal, nearest)
+        piece[floor] = k * _NUMBERS + 2 * PIECES
+        foot[floor], wall[floor] = places[floor] - rise[floor, None] * lattice.normal, lattice.normal
+        nearest[floor] = np.abs(rise[floor])
+    return OnWalls(piece, foot, wall)
+
+
+def _on_floor(
+    prism: Prism, off: Array, height: Array, facing: Array, nearest: Array
+) -> tuple[NDArray[np.bool_], Array]:
+    """(N,) surfels on the flat floor of a blind concavity, (N,) how high they lie above it; none if it is not flat.
+
+    Args:
+        prism: the concavity.
+        off: (N,) distance to its walls, negative inside; height: (N,) over its opening.
+        facing: (N,) cosines of the surfels' normals and the opening's.
+        nearest: (N,) distance to what they lie on otherwise.
+    """
+    rise = height + prism.depth
+    if prism.through or prism.endless:
+        return np.zeros(len(rise), bool), rise
+    deep = (off < -prism.lattice.pitch) & (np.abs(rise) < prism.depth / 2)
+    alike = deep & (facing > _FLAT)
+    floor = alike & (np.abs(rise) < nearest)
+    return floor if floor.sum() >= _MOSTLY * deep.sum() else np.zeros(len(rise), bool), rise
