@@ -8,7 +8,7 @@ from brepgaussian.splatting.concave.draw import border_of, fitted
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
-from brepgaussian.splatting.concave.sections import Flatted, Hexagon, Keyed, Rounded, Section
+from brepgaussian.splatting.concave.sections import Flatted, Keyed, Polygon, Rounded, Section
 from brepgaussian.splatting.concave.walls import agreed, on_walls
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -22,11 +22,21 @@ SECTIONS = {
     "slot": Section(CENTER, 0.4, Rounded((30.5, 9.8), 9.8)),
     "rectangle": Section(CENTER, -0.3, Rounded((27.4, 14.6), 0.0)),
     "pocket": Section(CENTER, 1.2, Rounded((28.1, 20.3), 9.4)),
-    "hexagon": Section(CENTER, 0.2, Hexagon(16.2)),
+    "hexagon": Section(CENTER, 0.2, Polygon(6, 16.2)),
+    "octagon": Section(CENTER, 0.1, Polygon(8, 22.3)),
     "keyed": Section(CENTER, 2.2, Keyed(18.4, 5.6, 25.3)),
     "flatted": Section(CENTER, -0.7, Flatted(17.8, 11.2)),
 }
-PIECES = [("circle", 1), ("slot", 4), ("rectangle", 4), ("pocket", 8), ("hexagon", 6), ("keyed", 4), ("flatted", 2)]
+PIECES = [
+    ("circle", 1),
+    ("slot", 4),
+    ("rectangle", 4),
+    ("pocket", 8),
+    ("hexagon", 6),
+    ("octagon", 8),
+    ("keyed", 4),
+    ("flatted", 2),
+]
 GRID = np.stack(np.indices(SHAPE), axis=-1).astype(float)
 
 
@@ -248,3 +258,8 @@ def test_without_a_rim_the_cells_count():
     stack, centers = rim_seen(section, 0.0)
     for grey in (90.0, np.nan):  # the plane is as dark as what lies below; no view sees it
         assert at_rim(section, replace(stack, grey=np.full_like(stack.grey, grey)), centers, 1.5) == section
+
+
+def test_a_rim_of_another_shape_is_no_section():
+    stack, centers = rim_seen(Section(CENTER, 0.3, Rounded((16.0, 16.0), 6.0)), 0.0)
+    assert at_rim(Section(CENTER, 0.0, Polygon(8, 16.5)), stack, centers, 1.5) is None

@@ -52,17 +52,19 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
-        known = agreed([drawn(images, scene, prism) if k in fresh else prism for k, prism in enumerate(known)])
+        margins = [_MARGIN_CELLS * hull.spacing + prism.above for prism in known]
+        for k in fresh:
+            known[k] = drawn(images, scene, hull, known[k], margins[k])
+        known = agreed(known)
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
-            margin = _MARGIN_CELLS * hull.spacing + known[k].above
-            known[k] = shortened(images, hull, known[k], margin)
-            hull = hull.without(known[k], margin)
+            known[k] = shortened(images, hull, known[k], margins[k])
+            hull = hull.without(known[k], margins[k])
         scene = hull.scene()
         floors = [known[k] for k in fresh]
         if not floors:
             break
     for found_prism in find_curved(images, scene, hull.spacing, known):
-        prism = drawn(images, scene, found_prism)
+        prism = drawn(images, scene, hull, found_prism, _MARGIN_CELLS * hull.spacing)
         opened = hull.without(prism, _MARGIN_CELLS * hull.spacing)
         after = opened.scene()
         if _agreeable(images, scene, after, prism, 2 * hull.spacing):

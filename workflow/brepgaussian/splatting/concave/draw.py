@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.optimize import least_squares
 
-from brepgaussian.splatting.concave.sections import LEAST_STRAIGHT, Flatted, Hexagon, Keyed, Rounded, Section
+from brepgaussian.splatting.concave.sections import LEAST_STRAIGHT, Flatted, Keyed, Polygon, Rounded, Section
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -96,7 +96,11 @@ def _circle(p: Sequence[float]) -> Section:
 
 
 def _hexagon(p: Sequence[float]) -> Section:
-    return Section((p[0], p[1]), p[2], Hexagon(p[3]))
+    return Section((p[0], p[1]), p[2], Polygon(6, p[3]))
+
+
+def _octagon(p: Sequence[float]) -> Section:
+    return Section((p[0], p[1]), p[2], Polygon(8, p[3]))
 
 
 def _slot(p: Sequence[float]) -> Section:
@@ -123,7 +127,8 @@ def _families(center: Array, half: Array, angle: float, outline: Cells) -> Itera
     """What an outline may be, simplest first; `half` the sides of the box around it, the longer one first."""
     x, y, a, b = float(center[0]), float(center[1]), float(half[0]), float(half[1])
     yield _circle, [x, y, (a + b) / 2]
-    yield from ((_hexagon, [x, y, angle + turn, 0.475 * (a + b)]) for turn in (0.0, np.pi / 6))
+    for build, sides in ((_hexagon, 6), (_octagon, 8)):
+        yield from ((build, [x, y, angle + turn, 0.475 * (a + b)]) for turn in (0.0, np.pi / sides))
     yield _slot, [x, y, angle, a, b]
     yield _rectangle, [x, y, angle, a, b]
     yield _rounded, [x, y, angle, a, b, 0.5 * b]
@@ -141,8 +146,8 @@ def _near(section: Section) -> Iterator[Family]:
         yield _slot, [x, y, turned, a, b]
         yield _rectangle, [x, y, turned, a, b]
         yield _rounded, [x, y, turned, a, b, 0.5 * b]
-    elif isinstance(shape, Hexagon):
-        yield _hexagon, [x, y, angle, shape.inner]
+    elif isinstance(shape, Polygon):
+        yield (_hexagon if shape.sides == 6 else _octagon), [x, y, angle, shape.inner]
     elif isinstance(shape, Flatted):
         yield _flatted, [x, y, angle, shape.radius, shape.flat]
     elif isinstance(shape, Keyed):

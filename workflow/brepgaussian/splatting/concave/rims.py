@@ -26,8 +26,8 @@ _ROUNDS, _FIRM_CELLS = 6, 0.1  # of the search for the plane's height; deviation
 _TOLD = 0.6  # of the places, for the rim to say more than the cells
 
 
-def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> Section:
-    """The section whose border is the rim that the views show; itself if they show none.
+def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> Section | None:
+    """The section whose border is the rim that the views show; itself if they show none, None if theirs is another.
 
     Args:
         section: fitted to cells.
@@ -44,7 +44,7 @@ def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> 
             return section
         better = refitted((places + moved[:, None] * outward)[told], section)
         if better is None:
-            return section
+            return None
         section = better
     return section
 

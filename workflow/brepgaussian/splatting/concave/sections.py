@@ -1,4 +1,4 @@
-"""What machined openings look like: circles, slots, rectangles with round corners, hexagons, keyed and flatted bores.
+"""What machined openings look like: circles, slots, rectangles with round corners, polygons, keyed and flatted bores.
 
 A section has straight walls where an outline of cells has none, and says which piece of the wall is which face.
 """
@@ -17,9 +17,6 @@ PIECES = 8  # of a section at most
 LEAST_STRAIGHT = 1.0  # cells; a shorter straight piece between round corners is none: a circle
 _STEP, _NOTHING = 1e-3, 1e-12  # cells, for derivatives
 _FINE = 0.5  # cells in which a border is traced
-_SIXTHS = np.pi / 3 * np.arange(6)
-_HEXAGON = np.stack([np.cos(_SIXTHS), np.sin(_SIXTHS)])  # (2, 6) directions of its walls
-_HEXAGON_CORNERS = np.column_stack([np.cos(_SIXTHS + np.pi / 6), np.sin(_SIXTHS + np.pi / 6)]) / np.cos(np.pi / 6)
 
 
 class Shape(Protocol):
@@ -83,31 +80,37 @@ class Rounded:
 
 
 @dataclass(frozen=True)
-class Hexagon:
-    """A regular hexagon whose walls are at `inner` from its centre."""
+class Polygon:
+    """A regular polygon of some `sides`, at most `PIECES`, whose walls are at `inner` from its centre."""
 
+    sides: int
     inner: float
+
+    def _ways(self, turn: float = 0.0) -> Array:
+        """(sides, 2) directions of its walls, turned by a part of a side."""
+        angle = 2 * np.pi * (np.arange(self.sides) + turn) / self.sides
+        return np.column_stack([np.cos(angle), np.sin(angle)])
 
     def signed_distance(self, at: Array) -> Array:
         """See `Shape`."""
-        return np.asarray((at @ _HEXAGON).max(axis=-1) - self.inner)
+        return np.asarray((at @ self._ways().T).max(axis=-1) - self.inner)
 
     def pieces(self, at: Array) -> NDArray[np.int64]:
         """See `Shape`."""
-        return np.asarray((at @ _HEXAGON).argmax(axis=-1))
+        return np.asarray((at @ self._ways().T).argmax(axis=-1))
 
     def corners(self) -> Array:
         """See `Shape`."""
-        return np.asarray(self.inner * _HEXAGON_CORNERS)
+        return np.asarray(self.inner / np.cos(np.pi / self.sides) * self._ways(0.5))
 
-    def mapped(self, change: Callable[[float], float]) -> "Hexagon":
+    def mapped(self, change: Callable[[float], float]) -> "Polygon":
         """See `Shape`."""
-        return Hexagon(max(change(self.inner), 0.0))
+        return Polygon(self.sides, max(change(self.inner), 0.0))
 
     @property
     def reach(self) -> float:
         """See `Shape`."""
-        return 1.2 * self.inner
+        return self.inner / float(np.cos(np.pi / self.sides))
 
 
 @dataclass(frozen=True)

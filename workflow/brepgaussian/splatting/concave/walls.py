@@ -11,18 +11,22 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.draw import fitted
 from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import PIECES, Section
+from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 
 _PARALLEL = 0.999  # cosine of 2.5 degrees
 _SAME_CELLS = 1.5  # by which walls of one hole may seem to differ, seen from its two ends
 _SAMPLES = 64  # of a section's border
+_NOTABLE_CELLS = 0.7  # from a rim to the cells: less is what cells are off by
+_FEW_RAYS = 20  # that tell something, for them to judge
 _FAR_CELLS = 1.5  # of the hull; a surfel farther from a wall is not on it
 _NUMBERS = 2 * PIECES + 1  # of a concavity: the pieces of its throat, of its rim's cone, its floor
 _FLAT = np.cos(np.radians(25.0))  # of a surfel's normal and the floor's
@@ -46,18 +50,42 @@ class OnWalls:
     normal: Array
 
 
-def drawn(images: Images, scene: Scene, prism: Prism) -> Prism:
-    """A concavity with the section that its outline is a drawing of, if there is one; views say exactly where."""
+def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: float) -> Prism:
+    """A concavity with the section that its outline is a drawing of, if there is one; views say exactly where.
+
+    Args:
+        images: of all views.
+        scene, hull: before it is cut.
+        prism: the concavity.
+        margin: by which it is cut longer.
+    """
 
     def opened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
 
-    section = fitted(prism.outline, opened)
-    if section is not None:
-        stack = rectify(images, scene, prism.lattice)
-        section = at_rim(section, stack, images.views.cameras.centers, images.tolerance)
-        logger.info("opening of area %.4f: %s cells, misfit %.2f", prism.area, section.shape, section.misfit)
-    return replace(prism, section=section)
+    rough = fitted(prism.outline, opened)
+    if rough is None:
+        return prism
+    section = at_rim(rough, rectify(images, scene, prism.lattice), images.views.cameras.centers, images.tolerance)
+    if section is None:
+        logger.info("opening of area %.4f: its rim is no %s", prism.area, rough.shape)
+        return prism
+    logger.info("opening of area %.4f: %s cells, misfit %.2f", prism.area, section.shape, section.misfit)
+    at_cells, result = replace(prism, section=rough), replace(prism, section=section)
+    if np.abs(rough.signed_distance(section.border(_SAMPLES))).max() < _NOTABLE_CELLS:
+        return result
+    # a chamfer's rim is wider than the wall below
+    cut = [hull.without(one, margin).scene() for one in (at_cells, result)]
+    old, new, count = said = disagreements(images, cut[0], cut[1], hull.spacing)
+    wider = better(said, 1.0, _FEW_RAYS, untold=True)
+    logger.info(
+        "its rim for its cells: views disagree by %.2f for %.2f, %d rays%s",
+        new,
+        old,
+        count,
+        "" if wider else ": not taken",
+    )
+    return result if wider else at_cells
 
 
 def agreed(prisms: Sequence[Prism]) -> list[Prism]:
