@@ -94,6 +94,7 @@ MOUNTS = {
     "lock_plate": (14, 5, 0, 0, 0),
     "stop_collar": (5, 5, 2, 0, 0),
     "cradle_block": (15, 3, 0, 0, 0),
+    "drive_plate": (16, 8, 0, 0, 0),
 }
 COUNTED = FIXTURE | MOUNTS
 
@@ -141,6 +142,15 @@ def test_a_cover_lid_has_the_volume_of_the_formula():
     spigot = math.pi * 16.5**2 * (8 - 1.6) + frustum(16.5, 14.9, 1.6)
     solid = plate - holes + spigot - math.pi * 7.5**2 * (9 + 8)
     assert build_part("cover_lid").volume == pytest.approx(solid, rel=1e-9)
+
+
+def test_a_drive_plate_has_the_volume_of_the_formula():
+    half = math.acos(33 / 38)
+    disk = math.pi * 38**2 - (38**2 * half - 33 * 38 * math.sin(half))
+    hexagon = 6 * 9**2 * math.tan(math.pi / 6)
+    slots = 3 * (13 * 7 + math.pi * 3.5**2)
+    solid = (disk - slots) * 10 + math.pi * 17**2 * 9 - hexagon * 19
+    assert build_part("drive_plate").volume == pytest.approx(solid, rel=1e-9)
 
 
 CASTING = {"pump_cover": 17, "yoke_end": 17, "cam_disk": 11, "window_frame": 31, "spray_nozzle": 17}

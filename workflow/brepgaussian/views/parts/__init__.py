@@ -91,7 +91,7 @@ PARTS: dict[str, PartInfo] = {
     ),
     "ball_lever": PartInfo("fixture", "an oblique cone between a cylinder and a sphere, a small radial hole", TUNED),
     "cock_plug": PartInfo("fixture", "a cylinder through a cone, a square end on a round stem", TUNED),
-    "cover_lid": PartInfo("fixture", "rounded corners, four countersunk holes, a spigot on the other side", HOLDOUT),
+    "cover_lid": PartInfo("fixture", "rounded corners, four countersunk holes, a spigot on the other side", TUNED),
     "seat_block": PartInfo("fixture", "a spherical hollow met by a cone and a cylinder", TUNED),
     "pump_cover": PartInfo("casting", "lugs that run into a round rim, a recess under a bored boss", TUNED),
     "rack_bar": PartInfo("casting", "a row of equal teeth, two counterbores", TUNED),
@@ -128,6 +128,7 @@ PARTS: dict[str, PartInfo] = {
         "mounts", "a slit that cuts all but one face, a stepped hole through curved walls", HOLDOUT
     ),
     "cradle_block": PartInfo("mounts", "a shallow cylinder between narrow lands, grooves", HOLDOUT),
+    "drive_plate": PartInfo("mounts", "a hexagonal hole through a boss, slots with round ends, a flat", HOLDOUT),
 }
 
 

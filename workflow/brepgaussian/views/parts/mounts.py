@@ -1,6 +1,6 @@
 """Bundled parts that hold others: plates, collars, cradles, made for scoring only."""
 
-from build123d import Axis, Box, Circle, Cylinder, Part, Polygon, Pos, Rot, SlotOverall, extrude, fillet
+from build123d import Axis, Box, Circle, Cylinder, Part, Polygon, Pos, RegularPolygon, Rot, SlotOverall, extrude, fillet
 
 from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
 from brepgaussian.views.parts.sizes import Sizes
@@ -67,3 +67,15 @@ def cradle_block(s: Sizes) -> Part:
         body -= Pos(side * wide / 2, 0, high / 3) * Box(2 * into, BEYOND, groove)
         body -= Pos(side * (wide / 2 - 7.5), 0, 0) * Cylinder(hole, BEYOND)
     return body
+
+
+def drive_plate(s: Sizes) -> Part:
+    """A disk with a flat on its rim, a boss with a hexagonal hole, three slots with round ends across the radius."""
+    rim, thick, boss, high = s(38, 0.05), s(10), s(17, 0.08), s(9)
+    body = turn((0, 0), (rim, 0), (rim, thick), (boss, thick), (boss, thick + high), (0, thick + high))
+    body = Rot(0, 0, 180) * body  # the seam of the rim goes with the flat: it would split the face in two
+    body -= extrude(RegularPolygon(s(9, 0.1), 6, major_radius=False), BEYOND, both=True)
+    slot = extrude(SlotOverall(s(20), s(7)), BEYOND, both=True)
+    for k in range(3):
+        body -= Rot(0, 0, 60 + 120 * k) * Pos((rim + boss) / 2, 0, 0) * Rot(0, 0, 90) * slot
+    return body - Pos(-rim - s(33, 0.02), 0, 0) * Box(2 * rim, BEYOND, BEYOND)
