@@ -199,11 +199,11 @@ def test_walls_of_a_countersunk_hole_are_a_cone_and_a_throat():
 
 
 def test_both_ends_of_a_hole_get_one_wall():
-    section = replace(SECTIONS["slot"], misfit=0.1)
+    section = replace(SECTIONS["slot"], misfit=0.1, at_rim=True)
     near = replace(prism_of(section), section=section)
     # the far end's lattice is the mirror image: rows along x, columns along -y
     center = (CENTER[0], -1.0 - CENTER[1])
-    mirrored = Section(center, -section.angle, Rounded((31.0, 9.4), 9.4), misfit=0.3)
+    mirrored = Section(center, -section.angle, Rounded((31.0, 9.4), 9.4), misfit=0.01)  # but told by cells
     far = replace(prism_of(section, flipped=True), section=mirrored)
     one, other = agreed([near, far])
     assert one.section == section
@@ -246,6 +246,8 @@ def test_the_rim_is_found_where_all_views_show_it(name, height):
     if isinstance(rough.shape, Rounded) and name == "slot":  # its ends are seen by few views
         rough = replace(rough, shape=Rounded((rough.shape.half[0] - 1.5, rough.shape.half[1]), rough.shape.radius))
     found = at_rim(rough, stack, centers, 1.5)
+    assert found is not None
+    assert found.at_rim
     assert type(found.shape) is type(true.shape)
     places = true.border(200)
     assert np.abs(found.signed_distance(places[~true.near_corners(places, 0.6)])).max() < 0.25
@@ -257,7 +259,9 @@ def test_without_a_rim_the_cells_count():
     section = SECTIONS["slot"]
     stack, centers = rim_seen(section, 0.0)
     for grey in (90.0, np.nan):  # the plane is as dark as what lies below; no view sees it
-        assert at_rim(section, replace(stack, grey=np.full_like(stack.grey, grey)), centers, 1.5) == section
+        blind = replace(stack, grey=np.full_like(stack.grey, grey))
+        assert at_rim(section, blind, centers, 1.5) == section
+        assert at_rim(replace(section, misfit=0.3), blind, centers, 1.5) is None
 
 
 def test_a_rim_of_another_shape_is_no_section():

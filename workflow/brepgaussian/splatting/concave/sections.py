@@ -192,12 +192,14 @@ class Section:
         angle: of the shape's first axis to the lattice's, radians.
         shape: about its centre.
         misfit: cells by which it differs from what it was fitted to, along its border.
+        at_rim: whether that was the rim that the views show; else the cells of an outline.
     """
 
     center: tuple[float, float]
     angle: float
     shape: Shape
     misfit: float = 0.0
+    at_rim: bool = False
 
     def _local(self, cells: Array) -> Array:
         c, s = np.cos(self.angle), np.sin(self.angle)

@@ -93,7 +93,7 @@ def agreed(prisms: Sequence[Prism]) -> list[Prism]:
     result = list(prisms)
     for k, first in _holes(result).items():
         if first != k:
-            better, worse = sorted((first, k), key=lambda i: _drawing(result[i]).misfit)
+            better, worse = sorted((first, k), key=lambda i: _doubt(_drawing(result[i])))
             throat = _carried(_throat(result[better]), result[better].lattice, result[worse].lattice)
             result[worse] = replace(result[worse], section=throat.grown(_sink(result[worse])))
     return result
@@ -107,6 +107,11 @@ def _holes(prisms: Sequence[Prism]) -> dict[int, int]:
             same = (i for i in first.values() if _same_walls(prisms[i], prism))
             first[k] = next(same, k)
     return first
+
+
+def _doubt(section: Section) -> tuple[bool, float]:
+    """What a section that is told better has less of."""
+    return not section.at_rim, section.misfit
 
 
 def _drawing(prism: Prism) -> Section:
