@@ -15,7 +15,6 @@ from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
 from brepgaussian.points.anchor import anchor_surfaces, follow
 from brepgaussian.points.assign import label_surfels
-from brepgaussian.points.bend import bent
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
 from brepgaussian.points.graph import Index
@@ -65,7 +64,7 @@ def make_points(
     surfaces = [
         surface_from_row(str(kind), row) for kind, row in zip(result.models.kinds, result.models.rows, strict=True)
     ]
-    samples = bent(found.samples, label, surfaces)
+    samples = found.samples
     curves: list[Curve] = []
     if settings.curve_spacing > 0:
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
