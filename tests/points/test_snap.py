@@ -68,3 +68,18 @@ def test_a_curve_draws_its_plane_as_far_as_the_views_agree_about_it(scatter, lea
     (found,) = anchor_surfaces([plane([0, 0, 0], [0, 0, 1])], nodes, np.zeros(400, int), [curve])
     moved = np.median(np.abs(found.signed_distance(nodes)))
     assert least <= moved <= most
+
+
+def test_nodes_that_lie_on_a_known_wall_are_hardly_drawn():
+    rng = np.random.default_rng(8)
+    nodes = np.column_stack([rng.uniform(0, 1, (400, 2)), np.zeros(400)])
+    around = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    rim = np.column_stack([0.5 + 0.5 * np.cos(around), 0.5 + 0.5 * np.sin(around), np.full(120, 0.002)])
+    curve, flat, labels = Curve(rim, (0, 1), True, 1.0, 0.2), plane([0, 0, 0], [0, 0, 1]), np.zeros(400, int)
+    free, told = (
+        anchor_surfaces([flat], nodes, labels, [curve], np.full(400, known))[0].signed_distance(nodes)
+        for known in (False, True)
+    )
+    unknown = anchor_surfaces([flat], nodes, labels, [curve])[0].signed_distance(nodes)
+    np.testing.assert_array_equal(free, unknown)
+    assert np.median(np.abs(told)) < 0.5 * np.median(np.abs(free))

@@ -9,7 +9,7 @@ from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
 from brepgaussian.splatting.concave.sections import Flatted, Keyed, Polygon, Rounded, Section
-from brepgaussian.splatting.concave.walls import agreed, on_walls
+from brepgaussian.splatting.concave.walls import Walls, agreed
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import ndimage
@@ -170,15 +170,15 @@ def test_surfels_are_put_on_the_piece_of_the_wall_that_they_lie_next_to():
     xyz = placed(prism, cells, rng.uniform(0.02, 0.18, 400))
     normals = -section.gradient(cells) @ basis_of(prism)
     noisy = xyz + rng.normal(0, 0.001, (400, 1)) * normals
-    found = on_walls([prism], noisy, normals, PITCH)
+    found = Walls([prism], PITCH).under(noisy, normals)
     assert np.array_equal(found.piece, section.pieces(cells))
     assert np.abs(found.foot - xyz).max() < 2e-4
     assert np.einsum("nc,nc->n", found.normal, normals).min() > 0.9999
     # what faces another way, or lies below the floor, is not on it
-    other = on_walls([prism], noisy, -normals, PITCH)
+    other = Walls([prism], PITCH).under(noisy, -normals)
     assert (other.piece == -1).all()
     assert np.array_equal(other.foot, noisy)
-    assert (on_walls([prism], noisy - 0.3 * prism.lattice.normal, normals, PITCH).piece == -1).all()
+    assert (Walls([prism], PITCH).under(noisy - 0.3 * prism.lattice.normal, normals).piece == -1).all()
 
 
 def test_walls_of_a_countersunk_hole_are_a_cone_and_a_throat():
@@ -190,7 +190,7 @@ def test_walls_of_a_countersunk_hole_are_a_cone_and_a_throat():
     rim = middle + (radius - 0.015) * out - [0, 0, 0.015]
     throat = middle + (radius - 0.03) * out - [0, 0, 0.1]
     leaning = (np.array([0, 0, 1.0]) - out) / np.sqrt(2)
-    found = on_walls([prism], np.concatenate([rim, throat]), np.concatenate([leaning, -out]), PITCH)
+    found = Walls([prism], PITCH).under(np.concatenate([rim, throat]), np.concatenate([leaning, -out]))
     assert len(np.unique(found.piece[:50])) == 1
     assert len(np.unique(found.piece[50:])) == 1
     assert found.piece[0] != found.piece[50]
@@ -213,8 +213,8 @@ def test_both_ends_of_a_hole_get_one_wall():
     assert np.abs(exact.signed_distance(other.section.border(64))).max() < 0.05
     cells = section.border(100)
     xyz, normals = placed(near, cells, 0.1), -section.gradient(cells) @ basis_of(near)
-    assert np.array_equal(on_walls([one, other], xyz, normals, PITCH).piece, section.pieces(cells))
-    swapped = on_walls([other, one], xyz, normals, PITCH).piece  # whichever end comes first
+    assert np.array_equal(Walls([one, other], PITCH).under(xyz, normals).piece, section.pieces(cells))
+    swapped = Walls([other, one], PITCH).under(xyz, normals).piece  # whichever end comes first
     assert len(np.unique(np.column_stack([swapped, section.pieces(cells)]), axis=0)) == 4
 
 

@@ -2,6 +2,7 @@
 
 import ctypes
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.splatting.concave import Images, Plane, Prism, open_channels, open_concavities, open_corners, widen
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.concave.walls import Walls
 from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
@@ -43,6 +45,11 @@ class Hull:
     spacing: float
     prisms: tuple[Prism, ...] = ()
     fillets: tuple[Fillet, ...] = ()
+
+    @cached_property
+    def walls(self) -> Walls:
+        """Of the concavities that were opened."""
+        return Walls(self.prisms, self.spacing)
 
 
 def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:

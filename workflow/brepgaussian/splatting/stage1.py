@@ -15,7 +15,6 @@ from brepgaussian.log import get_logger, progress
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.stage1 import Stage1Settings
 from brepgaussian.splatting.camera import RenderOptions
-from brepgaussian.splatting.concave.walls import on_walls
 from brepgaussian.splatting.contrastive import normalised
 from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
 from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
@@ -89,7 +88,7 @@ def face_ids(trained: "Trained", surfels: Surfels) -> NDArray[np.int32]:
     """(N,) planar face or piece of a concavity's wall that each surfel was confirmed to lie on, -1 = none."""
     spacing = trained.hull.spacing
     faces = assign(trained.faces, surfels.centers, surfels.normals, spacing)
-    walls = on_walls(trained.hull.prisms, surfels.centers, surfels.normals, spacing).piece
+    walls = trained.hull.walls.under(surfels.centers, surfels.normals).piece
     return np.where((faces < 0) & (walls >= 0), len(trained.faces) + walls, faces).astype(np.int32)
 
 
@@ -286,7 +285,7 @@ def tie(parameters: Parameters, hull: Hull | None) -> None:
         return
     before = parameters.surfels().normals
     centers, normals = tied(parameters.cloud.centers, before, hull.fillets, hull.spacing)
-    walls = on_walls(hull.prisms, centers, normals, hull.spacing)
+    walls = hull.walls.under(centers, normals)
     centers, normals = walls.foot.astype(np.float32), walls.normal.astype(np.float32)
     parameters.replace("centers", centers)
     parameters.replace("quaternions", turned(parameters.cloud.quaternions, before, normals))

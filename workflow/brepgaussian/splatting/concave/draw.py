@@ -126,13 +126,18 @@ def _keyed(p: Sequence[float]) -> Section:
 def _families(center: Array, half: Array, angle: float, outline: Cells) -> Iterator[Family]:
     """What an outline may be, simplest first; `half` the sides of the box around it, the longer one first."""
     x, y, a, b = float(center[0]), float(center[1]), float(half[0]), float(half[1])
-    yield _circle, [x, y, (a + b) / 2]
+    yield from _rectangles(x, y, angle, a, b)
     for build, sides in ((_hexagon, 6), (_octagon, 8)):
         yield from ((build, [x, y, angle + turn, 0.475 * (a + b)]) for turn in (0.0, np.pi / sides))
+    yield from _notched(outline)
+
+
+def _rectangles(x: float, y: float, angle: float, a: float, b: float) -> Iterator[Family]:
+    """Rectangles with round corners, from a circle on; `a` and `b` half their sides, the longer one first."""
+    yield _circle, [x, y, (a + b) / 2]
     yield _slot, [x, y, angle, a, b]
     yield _rectangle, [x, y, angle, a, b]
     yield _rounded, [x, y, angle, a, b, 0.5 * b]
-    yield from _notched(outline)
 
 
 def _near(section: Section) -> Iterator[Family]:
@@ -142,10 +147,7 @@ def _near(section: Section) -> Iterator[Family]:
         (a, b), turned = shape.half, angle
         if b > a:
             a, b, turned = b, a, angle + np.pi / 2
-        yield _circle, [x, y, (a + b) / 2]
-        yield _slot, [x, y, turned, a, b]
-        yield _rectangle, [x, y, turned, a, b]
-        yield _rounded, [x, y, turned, a, b, 0.5 * b]
+        yield from _rectangles(x, y, turned, a, b)
     elif isinstance(shape, Polygon):
         yield (_hexagon if shape.sides == 6 else _octagon), [x, y, angle, shape.inner]
     elif isinstance(shape, Flatted):

@@ -154,44 +154,48 @@ def _carried(section: Section, start: Lattice, lattice: Lattice) -> Section:
     return replace(section, center=(float(center[0]), float(center[1])), angle=angle, shape=shape)
 
 
-def on_walls(
-    prisms: Sequence[Prism], centers: NDArray[np.floating], normals: NDArray[np.floating], spacing: float
-) -> OnWalls:
-    """Find the walls that surfels lie on; where walls compete, the nearest.
+class Walls:
+    """The walls and floors of concavities; which of them are of one hole is found once."""
 
-    Args:
-        prisms: concavities; those without a section have no pieces.
-        centers, normals: (N, 3) surfels.
-        spacing: edge of the hull's voxels.
-    """
-    piece = np.full(len(centers), -1)
-    places, facing = centers.astype(np.float64), normals.astype(np.float64)
-    foot, wall = places.copy(), facing.copy()
-    nearest = np.full(len(centers), _FAR_CELLS * spacing)
-    for k, hole in _holes(prisms).items():
-        prism = prisms[k]
-        section, lattice = _drawing(prism), prism.lattice
-        cells, height = prism.upright(places)
-        sunk = np.minimum(prism.draft * np.maximum(-height, 0), prism.sink)
-        throat = (prism.draft == 0) | (sunk >= prism.sink)
-        off = prism.lateral(cells) + sunk
-        inward = -section.gradient(cells)  # (N, 2)
-        lean = inward @ np.array(prism.tilt) + np.where(throat, 0.0, prism.draft)
-        inward = inward[:, :1] * lattice.first + inward[:, 1:] * lattice.second
-        normal = inward + lean[:, None] * lattice.normal
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        alike = np.einsum("nc,nc->n", normal, facing) > _ALIKE
-        mine = (height < 0) & (height > -prism.depth) & (np.abs(off) < nearest) & alike
-        of_hole = _drawing(prisms[hole]).pieces(prisms[hole].upright(places)[0])  # one frame for both ends
-        number = np.where(throat, hole * _NUMBERS + of_hole, k * _NUMBERS + PIECES + section.pieces(cells))
-        piece[mine] = number[mine]
-        foot[mine], wall[mine] = (places + off[:, None] * inward)[mine], normal[mine]
-        nearest[mine] = np.abs(off[mine])
-        floor, rise = _on_floor(prism, off, height, facing @ lattice.normal, nearest)
-        piece[floor] = k * _NUMBERS + 2 * PIECES
-        foot[floor], wall[floor] = places[floor] - rise[floor, None] * lattice.normal, lattice.normal
-        nearest[floor] = np.abs(rise[floor])
-    return OnWalls(piece, foot, wall)
+    def __init__(self, prisms: Sequence[Prism], spacing: float) -> None:
+        """Of concavities in a hull whose voxels have an edge `spacing`; those without a section have no walls."""
+        self._prisms, self._spacing, self._holes = prisms, spacing, _holes(prisms)
+
+    def under(self, centers: NDArray[np.floating], normals: NDArray[np.floating]) -> OnWalls:
+        """Find the walls that surfels lie on; where walls compete, the nearest.
+
+        Args:
+            centers, normals: (N, 3) surfels.
+        """
+        prisms = self._prisms
+        piece = np.full(len(centers), -1)
+        places, facing = centers.astype(np.float64), normals.astype(np.float64)
+        foot, wall = places.copy(), facing.copy()
+        nearest = np.full(len(centers), _FAR_CELLS * self._spacing)
+        for k, hole in self._holes.items():
+            prism = prisms[k]
+            section, lattice = _drawing(prism), prism.lattice
+            cells, height = prism.upright(places)
+            sunk = np.minimum(prism.draft * np.maximum(-height, 0), prism.sink)
+            throat = (prism.draft == 0) | (sunk >= prism.sink)
+            off = prism.lateral(cells) + sunk
+            inward = -section.gradient(cells)  # (N, 2)
+            lean = inward @ np.array(prism.tilt) + np.where(throat, 0.0, prism.draft)
+            inward = inward[:, :1] * lattice.first + inward[:, 1:] * lattice.second
+            normal = inward + lean[:, None] * lattice.normal
+            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            alike = np.einsum("nc,nc->n", normal, facing) > _ALIKE
+            mine = (height < 0) & (height > -prism.depth) & (np.abs(off) < nearest) & alike
+            of_hole = _drawing(prisms[hole]).pieces(prisms[hole].upright(places)[0])  # one frame for both ends
+            number = np.where(throat, hole * _NUMBERS + of_hole, k * _NUMBERS + PIECES + section.pieces(cells))
+            piece[mine] = number[mine]
+            foot[mine], wall[mine] = (places + off[:, None] * inward)[mine], normal[mine]
+            nearest[mine] = np.abs(off[mine])
+            floor, rise = _on_floor(prism, off, height, facing @ lattice.normal, nearest)
+            piece[floor] = k * _NUMBERS + 2 * PIECES
+            foot[floor], wall[floor] = places[floor] - rise[floor, None] * lattice.normal, lattice.normal
+            nearest[floor] = np.abs(rise[floor])
+        return OnWalls(piece, foot, wall)
 
 
 def _on_floor(
