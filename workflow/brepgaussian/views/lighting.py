@@ -30,6 +30,7 @@ SHOULDER = (
 )
 _CENTER = np.full(3, 0.5)
 _GATHER_RAYS = 256  # per node: a step of visibility is then less than a grey level
+_NODES_AT_ONCE = 1 << 10  # their rays take 40 MB
 _INSET = 0.05  # of the way to the neighbouring triangles: nodes on an edge must not lie in the other wall
 _LIFT = 1e-4  # unit frame; rays start above the surface
 _BOUNCES = 4  # of diffuse light, the default of Blender's Cycles
@@ -105,14 +106,20 @@ def _gather_matrix(mesh: FaceMesh, points: Array, normals: Array, nodes: NDArray
     """(nodes, nodes) weights of the radiosity that each node sees; a row sums to the share of its sky that is
     covered by the object."""
     scene = make_scene(mesh, threads)
-    directions = _hemisphere(normals)  # (N, R, 3)
-    count = directions.shape[1]
-    origins = np.repeat(points + _LIFT * normals, count, axis=0)
-    hit, triangle, weights = cast(scene, origins, directions.reshape(-1, 3), threads)
-    facing = np.einsum("ij,ij->i", directions.reshape(-1, 3)[hit], mesh.corner_normals[triangle].mean(axis=1)) < 0
-    rows = np.repeat(np.flatnonzero(hit)[facing] // count, 3)
-    columns = nodes[triangle[facing]].ravel()
-    return csr_matrix((weights[facing].ravel() / count, (rows, columns)), shape=(len(points), len(points)))
+    backs = mesh.corner_normals.mean(axis=1)  # (T, 3)
+    rows, columns, values = [], [], []
+    for start in range(0, len(points), _NODES_AT_ONCE):
+        some = slice(start, start + _NODES_AT_ONCE)
+        directions = _hemisphere(normals[some])  # (N, R, 3)
+        origins = np.repeat(points[some] + _LIFT * normals[some], _GATHER_RAYS, axis=0)
+        directions = directions.reshape(-1, 3)
+        hit, triangle, weights = cast(scene, origins, directions, threads)
+        facing = np.einsum("ij,ij->i", directions[hit], backs[triangle]) < 0
+        rows.append(np.repeat(start + np.flatnonzero(hit)[facing] // _GATHER_RAYS, 3))
+        columns.append(nodes[triangle[facing]].ravel())
+        values.append(weights[facing].ravel() / _GATHER_RAYS)
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix(entries, shape=(len(points), len(points)))
 
 
 def _hemisphere(normals: Array) -> Array:
