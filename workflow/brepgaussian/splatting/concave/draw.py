@@ -29,6 +29,7 @@ _MOST_MOVED = 3.0  # cells from where the outline was
 _LEAST_RADIUS = 3.0  # cells; narrower openings have no section that cells could tell
 _NOTCH_CELLS = 2.0  # beyond a circle, or within: a keyway, or a flat
 _LEAST_NOTCH = 12  # cells of one
+_SURE_CELLS = 0.2  # misfit of a section that only cells tell: .05-.12 where it was right, .3 of an octagon for a bore
 _TURN = 0.02  # radians of a section's angle that move its border as much as a cell of its other parameters
 
 
@@ -78,6 +79,13 @@ def refitted(border: Array, section: Section) -> Section | None:
         if misfit <= _MOST_OFF and moved <= _MOST_MOVED and value < score:
             best, score = replace(found, misfit=misfit), value
     return best
+
+
+def sure_of(section: Section) -> bool:
+    """Whether cells alone tell a section: well, and its corners stick out farther than cells err."""
+    shape = section.shape
+    corners = shape.reach - shape.inner if isinstance(shape, Polygon) else np.inf
+    return section.misfit <= _SURE_CELLS and corners > _MOST_FAR
 
 
 def border_of(outline: Cells) -> Array:
@@ -150,6 +158,7 @@ def _near(section: Section) -> Iterator[Family]:
         yield from _rectangles(x, y, turned, a, b)
     elif isinstance(shape, Polygon):
         yield (_hexagon if shape.sides == 6 else _octagon), [x, y, angle, shape.inner]
+        yield _circle, [x, y, (shape.inner + shape.reach) / 2]  # cells hardly tell them apart
     elif isinstance(shape, Flatted):
         yield _flatted, [x, y, angle, shape.radius, shape.flat]
     elif isinstance(shape, Keyed):

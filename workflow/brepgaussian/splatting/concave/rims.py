@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.splatting.concave.draw import refitted
+from brepgaussian.splatting.concave.draw import refitted, sure_of
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.sections import Section
 
@@ -25,7 +25,6 @@ _SEEN = 0.7  # of a profile, for a view to be asked
 _LEAST_VIEWS = 4  # that show a step there,
 _SPREAD_CELLS = 0.4  # and their median deviation at most
 _ROUNDS, _FIRM_CELLS = 6, 0.1  # of the search for the plane's height; deviations below that count the same
-_SURE_CELLS = 0.2  # misfit of a section that only cells tell: .05-.12 where it was right, .3 of an octagon for a bore
 _TOLD = 0.6  # of the places, for the rim to say more than the cells
 
 
@@ -46,7 +45,7 @@ def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> 
         steps = _steps(stack, places, outward, _CONTRAST * tolerance)
         moved, told = _common(steps, _leans(stack, centers, places, outward))
         if told.mean() < _TOLD:
-            return section if section.at_rim or section.misfit <= _SURE_CELLS else None
+            return section if section.at_rim or sure_of(section) else None
         better = refitted((places + moved[:, None] * outward)[told], section)
         if better is None:
             return None

@@ -24,11 +24,12 @@ Array = NDArray[np.float64]
 
 _PARALLEL = 0.999  # cosine of 2.5 degrees
 _SAME_CELLS = 1.5  # by which walls of one hole may seem to differ, seen from its two ends
+_OUTLINE_CELLS = 2.0  # by which an outline of cells may be off
 _SAMPLES = 64  # of a section's border
 _NOTABLE_CELLS = 0.7  # from a rim to the cells: less is what cells are off by
 _FEW_RAYS = 20  # that tell something, for them to judge
 _FAR_CELLS = 1.5  # of the hull; a surfel farther from a wall is not on it
-_NUMBERS = 2 * PIECES + 1  # of a concavity: the pieces of its throat, of its rim's cone, its floor
+_NUMBERS = PIECES + 1  # of a concavity: the pieces of its walls, its floor
 _FLAT = np.cos(np.radians(25.0))  # of a surfel's normal and the floor's
 _MOSTLY = 0.8  # of what lies deep inside is floor, or the floor is not flat
 _ALIKE = np.cos(np.radians(35.0))  # of a surfel's normal and the wall's
@@ -94,9 +95,26 @@ def agreed(prisms: Sequence[Prism]) -> list[Prism]:
     for k, first in _holes(result).items():
         if first != k:
             better, worse = sorted((first, k), key=lambda i: _doubt(_drawing(result[i])))
-            throat = _carried(_throat(result[better]), result[better].lattice, result[worse].lattice)
-            result[worse] = replace(result[worse], section=throat.grown(_sink(result[worse])))
+            result[worse] = _like(result[worse], result[better])
+    told = [prism for prism in result if prism.section is not None and prism.section.at_rim]
+    for k, prism in enumerate(result):
+        if prism.section is None:
+            result[k] = next((_like(prism, other) for other in told if _may_continue(prism, other)), prism)
     return result
+
+
+def _like(prism: Prism, other: Prism) -> Prism:
+    """A concavity with the walls of another one, whose end it is."""
+    throat = _carried(_throat(other), other.lattice, prism.lattice)
+    return replace(prism, section=throat.grown(_sink(prism)))
+
+
+def _may_continue(prism: Prism, other: Prism) -> bool:
+    """Whether the outline of a concavity without a section goes along the walls of another one, told from its end."""
+    if not _are_straight(prism, other):
+        return False
+    border = _like(prism, other).section.border(_SAMPLES)  # type: ignore[union-attr]
+    return bool(np.abs(prism.lateral(border)).max() < _OUTLINE_CELLS * prism.lattice.pitch)
 
 
 def _holes(prisms: Sequence[Prism]) -> dict[int, int]:
@@ -121,12 +139,17 @@ def _drawing(prism: Prism) -> Section:
 
 
 def _same_walls(one: Prism, other: Prism) -> bool:
-    if abs(one.lattice.normal @ other.lattice.normal) < _PARALLEL or any(one.tilt) or any(other.tilt):
-        return False
-    if _is_tapered(one) or _is_tapered(other):
+    if not _are_straight(one, other):
         return False
     there = _carried(_throat(other), other.lattice, one.lattice)
     return bool(np.abs(_throat(one).signed_distance(there.border(_SAMPLES))).max() < _SAME_CELLS)
+
+
+def _are_straight(one: Prism, other: Prism) -> bool:
+    """Whether two concavities may have walls in common: straight ones, in one direction."""
+    if abs(one.lattice.normal @ other.lattice.normal) < _PARALLEL or any(one.tilt) or any(other.tilt):
+        return False
+    return not (_is_tapered(one) or _is_tapered(other))
 
 
 def _is_tapered(prism: Prism) -> bool:
@@ -134,8 +157,8 @@ def _is_tapered(prism: Prism) -> bool:
 
 
 def _sink(prism: Prism) -> float:
-    """By how many cells the throat is narrower than the opening."""
-    return prism.sink / prism.lattice.pitch if prism.draft > 0 else 0.0
+    """By how many cells the throat is narrower than the opening; a tapered one has none."""
+    return prism.sink / prism.lattice.pitch if prism.draft > 0 and not _is_tapered(prism) else 0.0
 
 
 def _throat(prism: Prism) -> Section:
@@ -177,22 +200,21 @@ class Walls:
             section, lattice = _drawing(prism), prism.lattice
             cells, height = prism.upright(places)
             sunk = np.minimum(prism.draft * np.maximum(-height, 0), prism.sink)
-            throat = (prism.draft == 0) | (sunk >= prism.sink)
+            below_rim = sunk / lattice.pitch >= _sink(prism)  # the cone of a rim is .004 off, and may be none
             off = prism.lateral(cells) + sunk
             inward = -section.gradient(cells)  # (N, 2)
-            lean = inward @ np.array(prism.tilt) + np.where(throat, 0.0, prism.draft)
+            lean = inward @ np.array(prism.tilt) + (prism.draft if _is_tapered(prism) else 0.0)
             inward = inward[:, :1] * lattice.first + inward[:, 1:] * lattice.second
             normal = inward + lean[:, None] * lattice.normal
             normal /= np.linalg.norm(normal, axis=1, keepdims=True)
             alike = np.einsum("nc,nc->n", normal, facing) > _ALIKE
-            mine = (height < 0) & (height > -prism.depth) & (np.abs(off) < nearest) & alike
+            mine = below_rim & (height < 0) & (height > -prism.depth) & (np.abs(off) < nearest) & alike
             of_hole = _drawing(prisms[hole]).pieces(prisms[hole].upright(places)[0])  # one frame for both ends
-            number = np.where(throat, hole * _NUMBERS + of_hole, k * _NUMBERS + PIECES + section.pieces(cells))
-            piece[mine] = number[mine]
+            piece[mine] = (hole * _NUMBERS + of_hole)[mine]
             foot[mine], wall[mine] = (places + off[:, None] * inward)[mine], normal[mine]
             nearest[mine] = np.abs(off[mine])
             floor, rise = _on_floor(prism, off, height, facing @ lattice.normal, nearest)
-            piece[floor] = k * _NUMBERS + 2 * PIECES
+            piece[floor] = k * _NUMBERS + PIECES
             foot[floor], wall[floor] = places[floor] - rise[floor, None] * lattice.normal, lattice.normal
             nearest[floor] = np.abs(rise[floor])
         return OnWalls(piece, foot, wall)
