@@ -181,21 +181,38 @@ def test_surfels_are_put_on_the_piece_of_the_wall_that_they_lie_next_to():
     assert (Walls([prism], PITCH).under(noisy - 0.3 * prism.lattice.normal, normals).piece == -1).all()
 
 
-def test_walls_of_a_countersunk_hole_are_a_cone_and_a_throat():
-    section = SECTIONS["circle"]
-    prism = replace(prism_of(section), section=section, draft=1.0, sink=0.03)
+def around(prism: Prism, narrower: float, depth: float) -> tuple[np.ndarray, np.ndarray]:
+    """(50, 3) places on a round hole's wall, `narrower` than its opening, and (50, 3) directions out of its axis."""
     turn = np.linspace(0, 2 * np.pi, 50, endpoint=False)
     out = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(50)])
-    middle, radius = placed(prism, np.array([CENTER])), PITCH * section.shape.radius
-    rim = middle + (radius - 0.015) * out - [0, 0, 0.015]
-    throat = middle + (radius - 0.03) * out - [0, 0, 0.1]
+    radius = PITCH * prism.section.shape.radius - narrower
+    return placed(prism, np.array([CENTER]), depth) + radius * out, out
+
+
+def test_the_wall_of_a_countersunk_hole_is_its_throat_not_its_rim():
+    prism = replace(prism_of(SECTIONS["circle"]), section=SECTIONS["circle"], draft=1.0, sink=0.03)
+    rim, out = around(prism, 0.015, 0.015)
+    throat, _ = around(prism, 0.03, 0.1)
     leaning = (np.array([0, 0, 1.0]) - out) / np.sqrt(2)
-    found = Walls([prism], PITCH).under(np.concatenate([rim, throat]), np.concatenate([leaning, -out]))
-    assert len(np.unique(found.piece[:50])) == 1
+    noisy = throat + 0.001 * out
+    found = Walls([prism], PITCH).under(np.concatenate([rim, noisy]), np.concatenate([leaning, -out]))
+    assert (found.piece[:50] == -1).all()
+    assert np.array_equal(found.foot[:50], rim)
     assert len(np.unique(found.piece[50:])) == 1
-    assert found.piece[0] != found.piece[50]
-    assert np.allclose(found.foot, np.concatenate([rim, throat]), atol=1e-6)
-    assert np.allclose(found.normal, np.concatenate([leaning, -out]), atol=1e-6)
+    assert found.piece[50] >= 0
+    assert np.allclose(found.foot[50:], throat, atol=1e-6)
+    assert np.allclose(found.normal[50:], -out, atol=1e-6)
+
+
+def test_the_wall_of_a_tapered_hole_leans():
+    prism = replace(prism_of(SECTIONS["circle"]), section=SECTIONS["circle"], draft=0.25)
+    places, out = around(prism, 0.025, 0.1)
+    leaning = (0.25 * np.array([0, 0, 1.0]) - out) / np.sqrt(1 + 0.25**2)
+    found = Walls([prism], PITCH).under(places, leaning)
+    assert len(np.unique(found.piece)) == 1
+    assert found.piece[0] >= 0
+    assert np.allclose(found.foot, places, atol=1e-6)
+    assert np.allclose(found.normal, leaning, atol=1e-6)
 
 
 def test_both_ends_of_a_hole_get_one_wall():
@@ -216,6 +233,27 @@ def test_both_ends_of_a_hole_get_one_wall():
     assert np.array_equal(Walls([one, other], PITCH).under(xyz, normals).piece, section.pieces(cells))
     swapped = Walls([other, one], PITCH).under(xyz, normals).piece  # whichever end comes first
     assert len(np.unique(np.column_stack([swapped, section.pieces(cells)]), axis=0)) == 4
+
+
+def far_end(prism: Prism, outline: np.ndarray) -> Prism:
+    """The other end of a hole with an outline (R, C) on the near end's lattice: columns run the other way."""
+    lattice, (_, columns) = prism.lattice, SHAPE
+    origin = lattice.origin + columns * PITCH * lattice.second - prism.depth * lattice.normal
+    flipped = replace(lattice, origin=origin, second=-lattice.second, normal=-lattice.normal)
+    return replace(prism, lattice=flipped, outline=outline[:, ::-1], section=None)
+
+
+def test_an_end_that_no_rim_tells_goes_along_the_walls_of_the_other():
+    section = replace(SECTIONS["slot"], at_rim=True)
+    near = replace(prism_of(section), section=section)
+    far = far_end(near, chewed(near.outline, 5))
+    one, other = agreed([near, far])
+    assert one.section == section
+    xyz = placed(near, section.border(100), 0.1)
+    assert np.abs(other.lateral(other.lattice.coordinates(xyz)[0])).max() < 0.01 * PITCH
+    # not if cells alone have told the near one, nor if the far one's outline is another
+    assert agreed([replace(near, section=replace(section, at_rim=False)), far])[1].section is None
+    assert agreed([near, far_end(near, raster(section.grown(4.0)))])[1].section is None
 
 
 def rim_seen(section: Section, height: float, views: int = 12) -> tuple[Stack, np.ndarray]:
@@ -267,3 +305,16 @@ def test_without_a_rim_the_cells_count():
 def test_a_rim_of_another_shape_is_no_section():
     stack, centers = rim_seen(Section(CENTER, 0.3, Rounded((16.0, 16.0), 6.0)), 0.0)
     assert at_rim(Section(CENTER, 0.0, Polygon(8, 16.5)), stack, centers, 1.5) is None
+
+
+def test_a_small_octagon_of_cells_is_a_bore_if_the_rim_says_so_and_else_nothing():
+    bore = Section(CENTER, 0.0, Rounded((7.2, 7.2), 7.2))
+    drawn = Section(CENTER, 0.2, Polygon(8, 7.0), misfit=0.1)
+    stack, centers = rim_seen(bore, 0.0)
+    found = at_rim(drawn, stack, centers, 1.5)
+    assert found is not None
+    assert isinstance(found.shape, Rounded)
+    assert abs(found.shape.radius - 7.2) < 0.25
+    blind = replace(stack, grey=np.full_like(stack.grey, 90.0))
+    assert at_rim(drawn, blind, centers, 1.5) is None
+    assert at_rim(replace(SECTIONS["hexagon"], misfit=0.1), blind, centers, 1.5) is not None

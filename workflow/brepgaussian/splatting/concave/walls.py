@@ -113,7 +113,7 @@ def _may_continue(prism: Prism, other: Prism) -> bool:
     """Whether the outline of a concavity without a section goes along the walls of another one, told from its end."""
     if not _are_straight(prism, other):
         return False
-    border = _like(prism, other).section.border(_SAMPLES)  # type: ignore[union-attr]
+    border = _drawing(_like(prism, other)).border(_SAMPLES)
     return bool(np.abs(prism.lateral(border)).max() < _OUTLINE_CELLS * prism.lattice.pitch)
 
 
