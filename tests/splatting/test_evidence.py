@@ -1,5 +1,7 @@
 """3D edges, unobserved surface, chords and straightened channels, against solids whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.artifacts.truth import read_truth
@@ -174,3 +176,23 @@ def test_no_rays_meet_nothing():
     assert [len(found) for found in box.intersections(none, none)] == [0, 0]  # Open3D crashes on them
     assert [len(found) for found in box.hits(none, none)] == [0, 0]
     assert len(box.distances(none, none)) == len(box.occluded(none, none)) == len(box.signed_distance(none)) == 0
+
+
+def test_a_deeper_floor_has_to_explain_all_rays_better_not_only_those_that_tell_of_both():
+    count = 400
+    opening = Opening.__new__(Opening)
+    opening._units = np.arange(count)
+    rng = np.random.default_rng(14)
+    half = np.arange(count) < count // 2
+    shallow, deep, better = Shape(10.0), Shape(20.0), Shape(30.0)
+    level = 0.3 + rng.uniform(0, 0.05, count)
+    costs = {
+        shallow: (np.where(half, level, 0.0), np.ones(count, bool)),
+        deep: (level - 0.05, half),  # tells nothing of what the shallow one explains well
+        better: (np.where(half, level - 0.05, 0.0), np.ones(count, bool)),
+    }
+    opening.costs = costs.__getitem__
+    assert opening.advantage(costs[shallow], costs[deep]) > 4
+    assert opening.simplest([shallow, deep]) == shallow
+    assert opening.simplest([shallow, deep, better]) == better
+    assert opening.simplest([shallow, replace(deep, through=True)], {replace(deep, through=True): costs[deep]}).through

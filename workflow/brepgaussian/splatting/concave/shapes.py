@@ -134,6 +134,9 @@ class Opening:
     def simplest(self, shapes: Sequence[Shape], known: Mapping[Shape, Costs] = MappingProxyType({})) -> Shape:
         """One of the shapes, simplest first: a later one replaces it only if that surely explains the rays better.
 
+        Of a floor, what rays tell that don't tell of the other one counts, too: on walls of one grey, deeper floors
+        lose the rays that contradict them.
+
         Args:
             shapes: in order.
             known: costs that were computed already.
@@ -141,7 +144,8 @@ class Opening:
         best, costs = shapes[0], known.get(shapes[0]) or self.costs(shapes[0])
         for shape in shapes[1:]:
             other = known.get(shape) or self.costs(shape)
-            if self.advantage(costs, other) > SURE:
+            fewer = shape.through or summary(*other)[0] <= summary(*costs)[0]
+            if fewer and self.advantage(costs, other) > SURE:
                 best, costs = shape, other
         return best
 
