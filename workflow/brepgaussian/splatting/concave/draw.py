@@ -22,7 +22,7 @@ _OUTLIER_CELLS = 0.5  # residuals of the cells' borders beyond that count linear
 _ROUNDED_CELLS = 5.0  # from a sharp corner: what opening an outline takes away
 _CORRELATED_CELLS = 3.0  # neighbouring cells of an outline err together
 _MOST_MEAN = 0.4  # cells by which outline and section differ, along the border: a staircase alone gives a quarter
-_MOST_FAR = 2.0  # cells by which no place may differ
+MOST_FAR = 2.0  # cells by which no place may differ
 _CORRELATED_PLACES = 2.0  # neighbouring places of a rim err together
 _LEAST_OFF, _MOST_OFF = 0.1, 0.3  # cells: rms of a rim's places, at best, and for a section to go through them
 _MOST_MOVED = 3.0  # cells from where the outline was
@@ -59,7 +59,7 @@ def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
                 continue
             mean, far = _difference(outline, opened(section.signed_distance(lattice) <= 0), len(border))
             value = count * np.log(mean**2 + 1 / 12) + len(start) * np.log(count)  # BIC
-            if mean <= _MOST_MEAN and far <= _MOST_FAR and value < score:
+            if mean <= _MOST_MEAN and far <= MOST_FAR and value < score:
                 best, score = replace(section, misfit=mean), value
     return best
 
@@ -85,7 +85,7 @@ def sure_of(section: Section) -> bool:
     """Whether cells alone tell a section: well, and its corners stick out farther than cells err."""
     shape = section.shape
     corners = shape.reach - shape.inner if isinstance(shape, Polygon) else np.inf
-    return section.misfit <= _SURE_CELLS and corners > _MOST_FAR
+    return section.misfit <= _SURE_CELLS and corners > MOST_FAR
 
 
 def border_of(outline: Cells) -> Array:

@@ -75,7 +75,7 @@ def _is_mouth_of(mouth: Prism, hole: Prism, tolerance: float) -> bool:
 
 def _face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:
     """Whether two concavities may be the two ends of one hole, which is straight but for its rims."""
-    if any(first.tilt) or any(second.tilt) or not (_is_straight(first) and _is_straight(second)):
+    if any(first.tilt) or any(second.tilt) or first.tapered or second.tapered:
         return False
     if first.lattice.normal @ second.lattice.normal > -_OPPOSITE or _distance(first, second) <= 0:
         return False
@@ -84,14 +84,9 @@ def _face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:
     return bool(np.linalg.norm(aside) < tolerance)
 
 
-def _is_straight(prism: Prism) -> bool:
-    return not prism.draft or bool(np.isfinite(prism.sink))
-
-
 def _throat(prism: Prism) -> float:
     """Radius of the circle that is as large as the narrowest part."""
-    sink = prism.sink / prism.lattice.pitch if prism.draft else 0.0
-    cells = np.count_nonzero(signed_outline(prism.outline) < -sink)
+    cells = np.count_nonzero(signed_outline(prism.outline) < -prism.rim / prism.lattice.pitch)
     return float(np.sqrt(cells / np.pi) * prism.lattice.pitch)
 
 

@@ -101,6 +101,16 @@ class Prism:
         """Area of the opening."""
         return float(self.outline.sum()) * self.lattice.pitch**2
 
+    @property
+    def tapered(self) -> bool:
+        """Whether it narrows all the way down."""
+        return self.draft > 0 and not np.isfinite(self.sink)
+
+    @property
+    def rim(self) -> float:
+        """By how much its throat is narrower than its opening on all sides: 0 without a countersink."""
+        return self.sink if self.draft > 0 and not self.tapered else 0.0
+
     @cached_property
     def _smooth_outline(self) -> Array:
         return np.asarray(ndimage.gaussian_filter(signed_outline(self.outline), _SMOOTH_CELLS) * self.lattice.pitch)

@@ -144,8 +144,8 @@ class Opening:
         best, costs = shapes[0], known.get(shapes[0]) or self.costs(shapes[0])
         for shape in shapes[1:]:
             other = known.get(shape) or self.costs(shape)
-            fewer = shape.through or summary(*other)[0] <= summary(*costs)[0]
-            if fewer and self.advantage(costs, other) > SURE:
+            on_the_whole = shape.through or summary(*other)[0] <= summary(*costs)[0]
+            if on_the_whole and self.advantage(costs, other) > SURE:
                 best, costs = shape, other
         return best
 

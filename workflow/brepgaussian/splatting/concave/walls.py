@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
-from brepgaussian.splatting.concave.draw import fitted
+from brepgaussian.splatting.concave.draw import MOST_FAR, fitted
 from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 
 _PARALLEL = 0.999  # cosine of 2.5 degrees
 _SAME_CELLS = 1.5  # by which walls of one hole may seem to differ, seen from its two ends
-_OUTLINE_CELLS = 2.0  # by which an outline of cells may be off
 _SAMPLES = 64  # of a section's border
 _NOTABLE_CELLS = 0.7  # from a rim to the cells: less is what cells are off by
 _FEW_RAYS = 20  # that tell something, for them to judge
@@ -99,7 +98,8 @@ def agreed(prisms: Sequence[Prism]) -> list[Prism]:
     told = [prism for prism in result if prism.section is not None and prism.section.at_rim]
     for k, prism in enumerate(result):
         if prism.section is None:
-            result[k] = next((_like(prism, other) for other in told if _may_continue(prism, other)), prism)
+            ends = (_like(prism, other) for other in told if _are_straight(prism, other))
+            result[k] = next((end for end in ends if _fits(end)), prism)
     return result
 
 
@@ -109,12 +109,10 @@ def _like(prism: Prism, other: Prism) -> Prism:
     return replace(prism, section=throat.grown(_sink(prism)))
 
 
-def _may_continue(prism: Prism, other: Prism) -> bool:
-    """Whether the outline of a concavity without a section goes along the walls of another one, told from its end."""
-    if not _are_straight(prism, other):
-        return False
-    border = _drawing(_like(prism, other)).border(_SAMPLES)
-    return bool(np.abs(prism.lateral(border)).max() < _OUTLINE_CELLS * prism.lattice.pitch)
+def _fits(prism: Prism) -> bool:
+    """Whether a concavity's section goes along its outline of cells."""
+    outline = replace(prism, section=None)
+    return bool(np.abs(outline.lateral(_drawing(prism).border(_SAMPLES))).max() < MOST_FAR * prism.lattice.pitch)
 
 
 def _holes(prisms: Sequence[Prism]) -> dict[int, int]:
@@ -149,16 +147,12 @@ def _are_straight(one: Prism, other: Prism) -> bool:
     """Whether two concavities may have walls in common: straight ones, in one direction."""
     if abs(one.lattice.normal @ other.lattice.normal) < _PARALLEL or any(one.tilt) or any(other.tilt):
         return False
-    return not (_is_tapered(one) or _is_tapered(other))
-
-
-def _is_tapered(prism: Prism) -> bool:
-    return prism.draft > 0 and not np.isfinite(prism.sink)
+    return not (one.tapered or other.tapered)
 
 
 def _sink(prism: Prism) -> float:
-    """By how many cells the throat is narrower than the opening; a tapered one has none."""
-    return prism.sink / prism.lattice.pitch if prism.draft > 0 and not _is_tapered(prism) else 0.0
+    """By how many cells the throat is narrower than the opening."""
+    return prism.rim / prism.lattice.pitch
 
 
 def _throat(prism: Prism) -> Section:
@@ -200,10 +194,10 @@ class Walls:
             section, lattice = _drawing(prism), prism.lattice
             cells, height = prism.upright(places)
             sunk = np.minimum(prism.draft * np.maximum(-height, 0), prism.sink)
-            below_rim = sunk / lattice.pitch >= _sink(prism)  # the cone of a rim is .004 off, and may be none
+            below_rim = sunk >= prism.rim  # the cone of a rim is .004 off, and may be none
             off = prism.lateral(cells) + sunk
             inward = -section.gradient(cells)  # (N, 2)
-            lean = inward @ np.array(prism.tilt) + (prism.draft if _is_tapered(prism) else 0.0)
+            lean = inward @ np.array(prism.tilt) + (prism.draft if prism.tapered else 0.0)
             inward = inward[:, :1] * lattice.first + inward[:, 1:] * lattice.second
             normal = inward + lean[:, None] * lattice.normal
             normal /= np.linalg.norm(normal, axis=1, keepdims=True)
