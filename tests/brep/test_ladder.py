@@ -1,17 +1,20 @@
 """The ladder: damaged and senseless clouds still end in a closed valid solid; the worker survives."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from brepgaussian.artifacts.primitives import Primitive, Primitives
 from brepgaussian.brep import occ, publish
 from brepgaussian.brep.gate import integrity
-from brepgaussian.brep.ladder import climb, make_job
+from brepgaussian.brep.ladder import climb, make_job, other_jobs
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
+from brepgaussian.primitives.stage import primitives_of
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.settings.primitives import PrimitivesSettings
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 
 SETTINGS = BrepSettings()
@@ -61,6 +64,19 @@ def test_a_whole_patch_missing(kit, worker, patch):
     assert outcome.report["fallback"] is False
     assert outcome.report["faces"] == 7
     assert outcome.report["volume"] == pytest.approx(known.volume, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_another_labelling_mends_what_the_first_joins(kit, worker, seed):
+    """The first labelling has the bore and a side under one label; the second has them apart."""
+    known = kit.block_with_hole(sigma=0.002, count=12000, seed=seed)
+    joined = replace(known.points, label=np.where(known.points.label == 6, 0, known.points.label))
+    primitives = primitives_of(joined, PrimitivesSettings(split=False, guide=False))
+    job = make_job(kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5]))), joined, primitives, SETTINGS)
+    assert climb(worker, job, joined).report["faces"] != 7
+    outcome = climb(worker, job, joined, None, other_jobs(joined, primitives, job, [known.points]))
+    assert outcome.report["faces"] == 7
+    assert outcome.report["volume"] == pytest.approx(known.volume, rel=2e-3)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -7,6 +7,7 @@ from brepgaussian.points.cut import refit
 from brepgaussian.points.graph import Graph, largest_connected, neighbour_pairs, spacing_of
 from brepgaussian.points.merge import Nodes
 from brepgaussian.points.split import planar_pieces, uncover_planes
+from brepgaussian.settings.points import PointsSettings
 
 NOISE = Noise(0.002, np.radians(3.0))
 
@@ -42,7 +43,9 @@ def one_region(nodes):
 def test_a_ring_beside_a_fillet_gets_its_own_label(seed):
     nodes, face = shoulder(np.random.default_rng(seed), 0.06)
     labels, spacing = np.zeros(len(face), np.int64), spacing_of(nodes.xyz)
-    found = uncover_planes(nodes, one_region(nodes), labels, NOISE, spacing, 20, seed)
+    found = uncover_planes(
+        nodes, one_region(nodes), labels, NOISE, spacing, PointsSettings(smallest_patch=20, seed=seed)
+    )
     assert found.max() == 1
     plane = np.bincount(found[face == 1]).argmax()
     assert (found[face == 1] == plane).mean() > 0.95
@@ -54,7 +57,9 @@ def test_a_ring_beside_a_fillet_gets_its_own_label(seed):
 def test_a_fillet_alone_stays_whole(seed):
     nodes, face = shoulder(np.random.default_rng(seed), 0.0)
     labels = np.zeros(len(face), np.int64)
-    found = uncover_planes(nodes, one_region(nodes), labels, NOISE, spacing_of(nodes.xyz), 20, seed)
+    found = uncover_planes(
+        nodes, one_region(nodes), labels, NOISE, spacing_of(nodes.xyz), PointsSettings(smallest_patch=20, seed=seed)
+    )
     np.testing.assert_array_equal(found, labels)
 
 

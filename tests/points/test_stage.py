@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brepgaussian.artifacts.points import read_points
+from brepgaussian.artifacts.points import read_labellings, read_points
 from brepgaussian.artifacts.stage1 import Surfels
 from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.points import simulate
+from brepgaussian.points.assign import same_patches
 from brepgaussian.points.stage import make_points
 from brepgaussian.settings.points import PointsSettings
 from hypothesis import HealthCheck, example, given, settings
@@ -101,6 +102,31 @@ def test_same_bytes_again(write_case, cameras, box_images):
         written.append(Path(files["out_path"]).read_bytes())
     assert written[0] == written[1]
     assert read_points(files["out_path"]).label.dtype == np.int32
+
+
+def test_other_labellings_are_kept_if_their_patches_differ(write_case, cameras, box_images):
+    points, normals, _ = box(np.random.default_rng(26), count=1500)
+    files = write_case(surfels_of(points, normals), *box_images, cameras)
+    first = make_points(**files, settings=PointsSettings())
+    assert len(read_labellings(files["out_path"])) == 1  # a box has the same six faces at every cost
+    make_points(**files, settings=PointsSettings(other_label_costs=(1e6, 2e6)))
+    again, other = read_labellings(files["out_path"])  # no label is worth so much: both costs leave the same pieces
+    np.testing.assert_array_equal(again.label, first.label)
+    np.testing.assert_array_equal(read_points(files["out_path"]).xyz, first.xyz)
+    assert other.label.max() != first.label.max()
+
+
+def test_the_order_of_labels_makes_no_other_patches():
+    labels = np.repeat(np.arange(4), 25)
+    rng = np.random.default_rng(3)
+    turned = np.array([2, 0, 3, 1])[labels]
+    turned[rng.choice(100, 10, replace=False)] = -1  # points at borders
+    assert same_patches(labels, turned)
+    assert not same_patches(labels, np.minimum(labels, 2))
+    assert not same_patches(
+        np.repeat(np.arange(4), 25), np.repeat([0, 1, 2, 3, 3, 3, 3, 3], [25, 25, 5, 5, 10, 10, 10, 10])
+    )
+    assert not same_patches(labels, np.full(100, -1))
 
 
 def test_labels_from_features_alone(write_case, cameras, box_images):

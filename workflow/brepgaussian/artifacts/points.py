@@ -1,5 +1,6 @@
 """`points.ply`: the labelled point cloud."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,8 @@ _DTYPE = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "edge")] +
     ("label", "<i4"),
     ("curve", "<i4"),
 ]
+_VERTEX, _OTHER = "vertex", "labelling_"
+_COMMENTS = ["brepgaussian labelled points, unit frame"]
 
 
 @dataclass(frozen=True)
@@ -35,28 +38,54 @@ class Points:
 
     def write(self, path: str | Path) -> None:
         """Write `points.ply` (binary little endian)."""
+        write_points(path, self)
+
+    def _table(self) -> NDArray[np.void]:
         table = np.zeros(len(self.xyz), dtype=_DTYPE)
         for axis, name in enumerate("xyz"):
             table[name] = self.xyz[:, axis]
             table[f"n{name}"] = self.normals[:, axis]
         table["edge"], table["label"], table["curve"] = self.edge, self.label, self.curve
-        comments = ["brepgaussian labelled points, unit frame"]
-        element = PlyElement.describe(table, "vertex")
-        with atomic(path) as temporary:
-            PlyData([element], text=False, byte_order="<", comments=comments).write(str(temporary))
+        return table
+
+
+def write_points(path: str | Path, points: Points, others: Sequence[Points] = ()) -> None:
+    """Write `points.ply` (binary little endian), other labellings of the same surface as further elements.
+
+    Readers of point clouds know the element `vertex` alone, and skip the others.
+    """
+    elements = [PlyElement.describe(points._table(), _VERTEX)]
+    elements += [PlyElement.describe(p._table(), f"{_OTHER}{i}") for i, p in enumerate(others, 1)]
+    with atomic(path) as temporary:
+        PlyData(elements, text=False, byte_order="<", comments=_COMMENTS).write(str(temporary))
 
 
 def read_points(path: str | Path) -> Points:
     """Read `points.ply`."""
+    return _read(path)[0]
+
+
+def read_labellings(path: str | Path) -> list[Points]:
+    """Read `points.ply` with the other labellings that it holds, if any; the first is `read_points`'s."""
+    return _read(path)
+
+
+def _read(path: str | Path) -> list[Points]:
     try:
-        vertex = PlyData.read(str(path))["vertex"]
-        xyz = np.column_stack([vertex[n] for n in ("x", "y", "z")]).astype(np.float32)
-        normals = np.column_stack([vertex[n] for n in ("nx", "ny", "nz")]).astype(np.float32)
-        edge, label, curve = (np.asarray(vertex[n]) for n in ("edge", "label", "curve"))
+        elements = {e.name: e for e in PlyData.read(str(path)).elements}
+        names = [_VERTEX, *(name for name in elements if name.startswith(_OTHER))]
+        found = [_points(elements[name]) for name in names]
     except (OSError, KeyError, ValueError) as error:
         raise ArtifactError(
             f"is not a labelled point PLY ({error})", file=path, fix="rerun the rule that makes it"
         ) from error
-    if not (np.isfinite(xyz).all() and np.isfinite(normals).all()):
+    if not all(np.isfinite(p.xyz).all() and np.isfinite(p.normals).all() for p in found):
         raise ArtifactError("holds points that are not finite", file=path, fix="remove them")
+    return found
+
+
+def _points(element: PlyElement) -> Points:
+    xyz = np.column_stack([element[n] for n in ("x", "y", "z")]).astype(np.float32)
+    normals = np.column_stack([element[n] for n in ("nx", "ny", "nz")]).astype(np.float32)
+    edge, label, curve = (np.asarray(element[n]) for n in ("edge", "label", "curve"))
     return Points(xyz, normals, edge.astype(np.float32), label.astype(np.int32), curve.astype(np.int32))

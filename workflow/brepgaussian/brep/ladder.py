@@ -31,6 +31,7 @@ from brepgaussian.errors import BrepGaussianError, StageError
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.afresh import alternatives
+from brepgaussian.primitives.stage import primitives_of
 from brepgaussian.settings.brep import BrepSettings
 from brepgaussian.settings.primitives import PrimitivesSettings
 
@@ -72,13 +73,28 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
     return Job(tuple(patches), tuple(caps), ends, open_patches, silhouettes, settings)
 
 
-def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job]:
-    """Jobs of other explanations of the points: without skins, with smooth fillets, with planes for curved walls, with
-    straight profiles, with what symmetries carry, afresh.
+def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Iterable[Points] = ()) -> Iterator[Job]:
+    """Jobs of other explanations of the points, of other labellings and what explains these, and afresh."""
+    yield from _explanations(job, primitives.sigma)
+    settings = PrimitivesSettings()
+    for labelled in labellings:
+        other = primitives_of(labelled, settings)
+        relabelled = _job(labelled, other, job.silhouettes, job.settings)
+        yield relabelled
+        yield from _explanations(relabelled, other.sigma)
+    for other in alternatives(points, primitives, settings):
+        afresh = _job(points, other, job.silhouettes, job.settings)
+        yield from bared(afresh)
+        yield afresh
+
+
+def _explanations(job: Job, sigma: float) -> Iterator[Job]:
+    """The job without skins, with smooth fillets, with planes for curved walls, with what symmetries carry, with
+    straight profiles.
     """
     yield from bared(job)
-    walls = tangent_walls(job.patches, primitives.sigma)
-    smooth = rounded(walls, primitives.sigma) or walls
+    walls = tangent_walls(job.patches, sigma)
+    smooth = rounded(walls, sigma) or walls
     if any(new is not old for new, old in zip(smooth, job.patches, strict=True)):
         yield replace(job, patches=tuple(smooth))
     for square in (True, False):
@@ -92,10 +108,6 @@ def other_jobs(points: Points, primitives: Primitives, job: Job) -> Iterator[Job
         yield from bared(apart)
         yield apart
         yield from symmetric(apart)
-    for other in alternatives(points, primitives, PrimitivesSettings()):
-        afresh = _job(points, other, job.silhouettes, job.settings)
-        yield from bared(afresh)
-        yield afresh
 
 
 def bared(job: Job) -> Iterator[Job]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from brepgaussian.artifacts.base import Provenance
 from brepgaussian.artifacts.brep import Brep
-from brepgaussian.artifacts.points import Points, read_points
+from brepgaussian.artifacts.points import Points, read_labellings
 from brepgaussian.artifacts.primitives import read_primitives
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.brep.curves import wireframe
@@ -52,11 +52,12 @@ def build_brep(
     bind(threads)
     log, start = get_logger("brep"), time.monotonic()
     log.info("settings %s", settings)
-    views, points, primitives = read_views(views_path), read_points(points_path), read_primitives(primitives_path)
+    views, primitives = read_views(views_path), read_primitives(primitives_path)
+    points, *labellings = read_labellings(points_path)
     _check(points, points_path)
     with Worker() as worker:
         job = make_job(views, points, primitives, settings)
-        outcome = climb(worker, job, points, views, other_jobs(points, primitives, job))
+        outcome = climb(worker, job, points, views, other_jobs(points, primitives, job, labellings))
         name = views.object_name or Path(views_path).parent.name or "part"
         step = (outcome.shape, views.world_from_unit, views.unit, name, str(out_step))
         worker.call("publish:write_step", step, _PUBLISH_LIMIT_S)

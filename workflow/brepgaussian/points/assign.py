@@ -25,35 +25,47 @@ _LEAST_VIEWS, _SAME_REGION = 3, 0.6  # views, and their share, in which neighbou
 
 
 @dataclass(frozen=True)
-class Labelled:
-    """Samples of surfels with their labels.
+class Gathered:
+    """Samples of surfels, and what is known about the nodes among them; labels follow from it.
 
     Attributes:
-        samples: N samples, the surfels' centres first; label: (N,) their patches from 0, -1 = none.
-        spacing: typical distance between neighbouring samples, unit frame.
-        node_xyz: (K, 3) the nodes, on which labels are computed; node_spacing: between these.
-        nodes: labels of the nodes and their primitives.
+        samples: N samples, the surfels' centres first; spacing: typical distance between neighbours, unit frame.
+        nodes: K samples on which labels are computed; node_spacing: between these; graph: of neighbouring nodes.
+        features: (K, D) of the nodes' surfels, None where there are none yet.
         told: (K,) nodes that lie exactly on a wall which stage 1 has told.
     """
 
     samples: Samples
-    label: Index
     spacing: float
-    node_xyz: Array
+    nodes: Nodes
     node_spacing: float
-    nodes: Labelling
+    graph: Graph
+    features: NDArray[np.float32] | None
     told: NDArray[np.bool_]
 
 
-def label_surfels(
+@dataclass(frozen=True)
+class Labelled:
+    """Labels of gathered samples.
+
+    Attributes:
+        label: (N,) the samples' patches from 0, -1 = none.
+        nodes: labels of the nodes and their primitives.
+    """
+
+    label: Index
+    nodes: Labelling
+
+
+def gather(
     views: Views,
     patches: NDArray[np.int16],
     surfels: Surfels,
     evidence: Evidence,
     settings: PointsSettings,
     features: NDArray[np.float32] | None = None,
-) -> Labelled:
-    """Sample the surfels and label the samples by patch.
+) -> Gathered:
+    """Sample the surfels and collect what views, features and stage 1 say about neighbouring samples.
 
     Args:
         views: images and cameras.
@@ -67,7 +79,6 @@ def label_surfels(
     spacing = spacing_of(samples.xyz)
     centers = len(surfels.centers)  # one node a surfel: samples of one surfel share its errors
     chosen = thin(samples.xyz[:centers] if centers >= settings.nodes // 2 else samples.xyz, settings.nodes)
-    node_spacing = spacing_of(samples.xyz[chosen])
     log.info("%d surfels, %d points, %d nodes", len(surfels.centers), len(samples), len(chosen))
     xyz, normals = samples.xyz[chosen], samples.normals[chosen]
     pairs, distance = neighbour_pairs(xyz, normals, settings.neighbours)
@@ -85,13 +96,31 @@ def label_surfels(
     slopes = gradients(xyz, normals, seen.grey, pairs, np.where(shared > _SAME_REGION, shared, 0.0))
     sure = core(seen, pairs, shared > _SAME_REGION) | told
     nodes = Nodes(xyz, normals, np.where(told, 1.0, seen.trust), sure, seen.grey, slopes)
-    if settings.labels == "features" and features is not None:
+    known = None if features is None else features[owner]
+    return Gathered(samples, spacing, nodes, spacing_of(xyz), graph, known, told)
+
+
+def label_samples(gathered: Gathered, settings: PointsSettings) -> Labelled:
+    """Label the samples by patch."""
+    nodes, graph = gathered.nodes, gathered.graph
+    if settings.labels == "features" and gathered.features is not None:
         result = label_by_features(
-            nodes, graph, features[owner], settings.features_distance, settings.smallest_patch, settings.seed
+            nodes, graph, gathered.features, settings.features_distance, settings.smallest_patch, settings.seed
         )
     else:
-        result = label_nodes(nodes, graph, node_spacing, settings.smallest_patch, settings.seed)
-    return Labelled(samples, spread(samples, xyz, result, node_spacing), spacing, xyz, node_spacing, result, told)
+        result = label_nodes(nodes, graph, gathered.node_spacing, settings)
+    return Labelled(spread(gathered.samples, nodes.xyz, result, gathered.node_spacing), result)
+
+
+def same_patches(one: Index, other: Index) -> bool:
+    """Whether two labellings (N,) have the same patches, but for points at their borders."""
+    both = (one >= 0) & (other >= 0)
+    if not both.any() or one.max() != other.max():
+        return False
+    shared = np.zeros((one.max() + 1, other.max() + 1), np.int64)
+    np.add.at(shared, (one[both], other[both]), 1)
+    match = shared.argmax(1)
+    return bool((shared.argmax(0)[match] == np.arange(len(match))).all() and len(set(match.tolist())) == len(match))
 
 
 def _features(features: NDArray[np.float32], owner: Index, pairs: Index) -> Array:

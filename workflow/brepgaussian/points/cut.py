@@ -20,7 +20,6 @@ _EDGE_NORMALS = 0.25  # share of the normals' cost that is left at an edge
 _EDGE_WEIGHT = 0.3  # of a node at an edge: rounded off, it lies on no patch
 _NEAR = 4.0  # spacings from a node to the nearest node of a label that it may take
 STRAY = 14.0  # cost of a node without a label
-LABEL_COST = 25.0  # what a label must save to stay
 _SMOOTH, _SMOOTH_FLOOR = 0.6, 0.06  # cost of cutting a pair within a region, and across a border
 
 
@@ -41,13 +40,15 @@ def refit(nodes: Nodes, labels: Index, noise: Noise, seed: int) -> Models:
     return flattened(sets, best_models(sets, noise), noise)
 
 
-def cut(nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, spacing: float) -> Index:
+def cut(
+    nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, spacing: float, label_cost: float
+) -> Index:
     """Graph cut over all labels, then labels that do not pay their cost are dropped."""
     data = data_costs(nodes, labels, models, noise, spacing)
     weights = pair_weights(graph)
     start = np.where(labels >= 0, labels, data.argmin(1))
     found = alpha_expansion(data, graph.pairs, weights, start, reach=REACH)
-    return drop_labels(data, graph, weights, found)
+    return drop_labels(data, graph, weights, found, label_cost)
 
 
 def data_costs(nodes: Nodes, labels: Index, models: Models, noise: Noise, spacing: float) -> Array:
@@ -82,7 +83,7 @@ def pair_weights(graph: Graph) -> Array:
     return weight * np.clip(near, 0.3, 1.5) * np.exp(np.clip(graph.extra, -1.5, 0.5))
 
 
-def drop_labels(data: Array, graph: Graph, weights: Array, labels: Index) -> Index:
+def drop_labels(data: Array, graph: Graph, weights: Array, labels: Index, label_cost: float) -> Index:
     """Drop labels, smallest first, that save less than a label costs."""
     sizes = np.bincount(labels, minlength=data.shape[1])
     links = graph.matrix(weights, len(labels))
@@ -102,7 +103,7 @@ def drop_labels(data: Array, graph: Graph, weights: Array, labels: Index) -> Ind
         rows = np.arange(len(members))
         new, gain = rivals[rows, choice], pull[rows, choice]
         change = new.sum() - data[members, k].sum() - gain.sum()
-        if change < LABEL_COST:
+        if change < label_cost:
             labels = labels.copy()
             labels[members] = np.where(new >= STRAY, -1, choice)
     return labels

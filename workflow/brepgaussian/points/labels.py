@@ -22,6 +22,7 @@ from brepgaussian.points.merge import Merger, Models, Nodes, Sampler, best_model
 from brepgaussian.points.shading import fit_shading
 from brepgaussian.points.split import uncover_planes
 from brepgaussian.points.superpoints import contract
+from brepgaussian.settings.points import PointsSettings
 
 Array = NDArray[np.float64]
 log = get_logger("points")
@@ -55,8 +56,9 @@ class Labelling:
     noise: Noise
 
 
-def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed: int) -> Labelling:
+def label_nodes(nodes: Nodes, graph: Graph, spacing: float, settings: PointsSettings) -> Labelling:
     """Label nodes of an object with an unknown number of patches."""
+    smallest, seed = settings.smallest_patch, settings.seed
     noise = pair_noise(nodes, graph)
     inner = nodes.core[graph.pairs].all(1)
     labels = contract(graph.pairs[inner], affinity(nodes, graph)[inner], nodes.normals, float(_BEND))
@@ -76,14 +78,14 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, smallest: int, seed:
         labels = large if large.max() >= 0 else labels
         labels = Merger(nodes, _bridged(nodes, graph, labels, spacing), labels, noise, seed).run()
         models = refit(nodes, labels, noise, seed)
-        labels = cut(nodes, graph, labels, models, noise, spacing)
+        labels = cut(nodes, graph, labels, models, noise, spacing, settings.label_cost)
         labels = compact(components(graph.pairs, labels))
         labels = absorb(graph, labels, smallest)
         if turn < 2:
             labels = Merger(nodes, graph, labels, noise, seed).run()
         log.info("cut %d: %d labels", turn, labels.max() + 1)
     labels = join_pieces(nodes, graph, labels, noise, spacing, seed)
-    labels = uncover_planes(nodes, graph, labels, noise, spacing, smallest, seed)
+    labels = uncover_planes(nodes, graph, labels, noise, spacing, settings)
     models = refit(nodes, labels, noise, seed)
     return Labelling(labels, models, noise)
 

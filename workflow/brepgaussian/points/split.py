@@ -10,16 +10,17 @@ from scipy.spatial import cKDTree
 
 from brepgaussian.log import get_logger
 from brepgaussian.points.batchfit import Noise
-from brepgaussian.points.cut import LABEL_COST, REACH, STRAY, cut, data_costs, pair_weights, refit
+from brepgaussian.points.cut import REACH, STRAY, cut, data_costs, pair_weights, refit
 from brepgaussian.points.graph import Graph, Index, largest_connected
 from brepgaussian.points.merge import Models, Nodes, parts_of
 from brepgaussian.points.pearl import expand
+from brepgaussian.settings.points import PointsSettings
 
 Array = NDArray[np.float64]
 log = get_logger("points")
 
 _GROWTH = 3  # expansions of a plane under a curved label
-_UNCOVERED = 100.0  # what it must save beyond a label's cost: errors are smooth, a strip of any curved face saves some
+_UNCOVERED = 65.0  # what it must save beyond a label's cost: errors are smooth, a strip of any curved face saves some
 _TRIALS = 64  # planes tried under a label
 _SIGMAS = 2.0  # of the noise, for a node to lie on a plane
 _ROUNDS, _FEW = 4, 12  # of refitting, and nodes from which on they tell the plane
@@ -30,14 +31,16 @@ _TURNED = np.cos(np.radians(20.0))  # by which half of the other nodes face away
 
 
 def uncover_planes(
-    nodes: Nodes, graph: Graph, labels: Index, noise: Noise, spacing: float, smallest: int, seed: int
+    nodes: Nodes, graph: Graph, labels: Index, noise: Noise, spacing: float, settings: PointsSettings
 ) -> Index:
     """The labels, with planes that curved ones had swallowed where all costs together are lower for it."""
     weights = pair_weights(graph)
 
     def cost(labels: Index, models: Models) -> float:
-        return _total(data_costs(nodes, labels, models, noise, spacing), graph, weights, labels)
+        data = data_costs(nodes, labels, models, noise, spacing)
+        return _total(data, graph, weights, labels) + settings.label_cost * (labels.max() + 1)
 
+    smallest, seed = settings.smallest_patch, settings.seed
     models = refit(nodes, labels, noise, seed)
     best = cost(labels, models)
     for piece in planar_pieces(nodes, graph, labels, models, noise, spacing, smallest, seed):
@@ -48,7 +51,7 @@ def uncover_planes(
             data = data_costs(nodes, found, refit(nodes, found, noise, seed), noise, spacing)
             grown = expand(data, graph.pairs, weights, found, new, REACH)
             found = grown if len(np.unique(grown)) == len(np.unique(found)) else found
-        found = cut(nodes, graph, found, refit(nodes, found, noise, seed), noise, spacing)
+        found = cut(nodes, graph, found, refit(nodes, found, noise, seed), noise, spacing, settings.label_cost)
         if len(parts_of(found)) <= new:  # the piece, or a label, was dropped
             continue
         taken = np.flatnonzero(found == new)
@@ -62,11 +65,11 @@ def uncover_planes(
 
 
 def _total(data: Array, graph: Graph, weights: Array, labels: Index) -> float:
-    """Costs of nodes, cut pairs and labels."""
+    """Costs of nodes and cut pairs."""
     known = labels >= 0
     chosen = np.where(known, np.minimum(data[np.arange(len(labels)), np.maximum(labels, 0)], STRAY), STRAY)
     one, other = labels[graph.pairs].T
-    return float(chosen.sum() + weights[one != other].sum() + LABEL_COST * (labels.max() + 1))
+    return float(chosen.sum() + weights[one != other].sum())
 
 
 def planar_pieces(

@@ -4,17 +4,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brepgaussian import threads as thread_binding
 from brepgaussian.artifacts.masks import read_masks
-from brepgaussian.artifacts.points import Points
+from brepgaussian.artifacts.points import Points, write_points
 from brepgaussian.artifacts.stage1 import read_evidence, read_surfels
 from brepgaussian.artifacts.stage2 import read_stage2
-from brepgaussian.artifacts.views import read_views
+from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
 from brepgaussian.points.anchor import anchor_surfaces, follow
-from brepgaussian.points.assign import label_surfels
+from brepgaussian.points.assign import Gathered, Labelled, gather, label_samples, same_patches
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
 from brepgaussian.points.graph import Index
@@ -32,7 +33,7 @@ def make_points(
     settings: PointsSettings,
     threads: int = 1,
 ) -> Points:
-    """Sample the surfels, label the samples by patch and by curve, write `points.ply`.
+    """Sample the surfels, label the samples by patch and by curve, write `points.ply` with other labellings beside.
 
     Args:
         views_path, masks_path, stage1_ply, stage1_h5, stage2_path: artifacts of the stages before.
@@ -41,7 +42,7 @@ def make_points(
         threads: of the numeric libraries.
 
     Returns:
-        What was written.
+        What was written, without the other labellings.
 
     Raises:
         ArtifactError: an input is missing, damaged, or the inputs do not belong together.
@@ -58,29 +59,47 @@ def make_points(
     if patches.shape != views.alpha.shape:
         raise ArtifactError("has masks of another size than the views", file=stage2_path, fix="rerun masks, stage 2")
 
-    found = label_surfels(views, patches, surfels, evidence, settings, stage2.features)
-    label, spacing = found.label, found.spacing
-    xyz, node_spacing, result = found.node_xyz, found.node_spacing, found.nodes
+    gathered = gather(views, patches, surfels, evidence, settings, stage2.features)
+    edges = read_masks(masks_path).edges if settings.snap_curves else None
+    first = label_samples(gathered, settings)
+    points = _bordered(gathered, first, views, edges, settings)
+    others = [_bordered(gathered, other, views, edges, settings) for other in _others(gathered, first, settings)]
+    write_points(out_path, points, others)
+    return points
+
+
+def _others(gathered: Gathered, first: Labelled, settings: PointsSettings) -> list[Labelled]:
+    """Labellings with other patches, by labels that cost less or more."""
+    found = [first]
+    for cost in settings.other_label_costs if settings.labels == "fused" else ():
+        other = label_samples(gathered, replace(settings, label_cost=cost))
+        if not any(same_patches(other.label, known.label) for known in found):
+            found.append(other)
+    return found[1:]
+
+
+def _bordered(
+    gathered: Gathered, found: Labelled, views: Views, edges: NDArray[np.uint8] | None, settings: PointsSettings
+) -> Points:
+    """Labelled samples with the curves between their patches, moved on to the edge maps (V, H, W) if there are any."""
+    samples, label, result, spacing = gathered.samples, found.label, found.nodes, gathered.spacing
+    xyz, node_spacing = gathered.nodes.xyz, gathered.node_spacing
     surfaces = [
         surface_from_row(str(kind), row) for kind, row in zip(result.models.kinds, result.models.rows, strict=True)
     ]
-    samples = found.samples
     curves: list[Curve] = []
     if settings.curve_spacing > 0:
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
-    if curves and settings.snap_curves:
-        edges = read_masks(masks_path).edges
+    if curves and edges is not None:
         dense = samples.xyz
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
-        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves, found.told)
+        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves, gathered.told)
         samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
         xyz = follow(xyz, result.labels, surfaces, anchored)
         surfaces = anchored
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
-    points = assemble(samples, label, curves, surfaces)
-    points.write(out_path)
-    return points
+    return assemble(samples, label, curves, surfaces)
 
 
 def assemble(samples: Samples, label: Index, curves: list[Curve], surfaces: list[Surface]) -> Points:

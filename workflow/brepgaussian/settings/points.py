@@ -26,7 +26,7 @@ class PointsSettings:
         choices=("fused", "features"),
     )
     nodes: int = setting(9000, "Points on which labels are computed; the others follow their neighbours.", minimum=200)
-    neighbours: int = setting(12, "Neighbours of each node in the graph.", minimum=4, maximum=40)
+    neighbours: int = setting(16, "Neighbours of each node in the graph.", minimum=4, maximum=40)
     regions: str = setting(
         "stage2",
         "Patch ids that vote: the masks as detected, or as repaired by stage 2.",
@@ -43,6 +43,12 @@ class PointsSettings:
     faces_weight: float = setting(1.0, "Weight of the planar faces that stage 1 confirmed.", minimum=0.0)
     smallest_patch: int = setting(
         5, "Patches of fewer nodes are absorbed by their neighbours.", unit="nodes", minimum=1
+    )
+    label_cost: float = setting(
+        60.0, "What a label must save to stay, in costs of its nodes: more than a bulge of a face does.", minimum=0.0
+    )
+    other_label_costs: tuple[float, ...] = setting(
+        (25.0, 120.0), "The same for other labellings: proposals for `brep` where the images refuse a solid; none = []."
     )
     curve_spacing: float = setting(
         0.005, "Spacing of the points appended along the curves between patches; 0 = none.", unit="unit frame",

@@ -13,7 +13,7 @@ from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import StageError
 from brepgaussian.log import get_logger, progress
 from brepgaussian.masks.repair import repair
-from brepgaussian.points.assign import label_surfels
+from brepgaussian.points.assign import gather, label_samples
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.points import PointsSettings
 from brepgaussian.settings.stage2 import Stage2Settings
@@ -92,9 +92,11 @@ def repaired(
 
     The labels are provisional: they stand on the masks as detected, normals and primitives; the features come later.
     """
-    found = label_surfels(views, patches, surfels, evidence, PointsSettings(seed=settings.seed))
+    labels = PointsSettings(seed=settings.seed)
+    gathered = gather(views, patches, surfels, evidence, labels)
+    found = label_samples(gathered, labels)
     logger.info("provisional patches: %d", int(found.label.max()) + 1)
-    return repair(views, found.samples.xyz, found.samples.normals, found.label, threads, patches)
+    return repair(views, gathered.samples.xyz, gathered.samples.normals, found.label, threads, patches)
 
 
 def learn(samples: list[Samples], count: int, settings: Stage2Settings) -> NDArray[np.float32]:
