@@ -77,6 +77,8 @@ def test_another_labelling_mends_what_the_first_joins(kit, worker, seed):
     outcome = climb(worker, job, joined, None, other_jobs(joined, primitives, job, [known.points]))
     assert outcome.report["faces"] == 7
     assert outcome.report["volume"] == pytest.approx(known.volume, rel=2e-3)
+    assert outcome.report["labelling"] == 1
+    assert set(outcome.report["explained"]) == {str(k) for k in range(7)}
 
 
 @pytest.mark.parametrize("seed", range(2))

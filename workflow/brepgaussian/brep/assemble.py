@@ -40,7 +40,7 @@ def attempt(job: Job, rung: Rung) -> Attempt:
         data = None if verdict.faults else occ.to_bytes(shape)
     except Exception as error:  # OCC raises types of its own; whatever it is, the next rung is tried
         data, notes, surfaces, verdict = None, {}, (), Verdict((str(error) or type(error).__name__,))
-    return Attempt(rung.name, data, verdict, surfaces, notes=notes)
+    return _told(job, rung, Attempt(rung.name, data, verdict, surfaces, notes=notes))
 
 
 def judge(data: bytes, job: Job, rung: Rung, notes: dict[str, Any]) -> Attempt:
@@ -48,7 +48,12 @@ def judge(data: bytes, job: Job, rung: Rung, notes: dict[str, Any]) -> Attempt:
     patches = patches_of(job, rung)
     verdict = examine(occ.from_bytes(data), patches, job.silhouettes, job.settings, job.ends, job.left_out)
     verdict, surfaces = oriented(verdict, tuple(p.surface for p in patches))
-    return Attempt(rung.name, None if verdict.faults else data, verdict, surfaces, notes=notes)
+    return _told(job, rung, Attempt(rung.name, None if verdict.faults else data, verdict, surfaces, notes=notes))
+
+
+def _told(job: Job, rung: Rung, attempt: Attempt) -> Attempt:
+    """The attempt with where its patches are from."""
+    return replace(attempt, primitives=tuple(p.primitive for p in patches_of(job, rung)), labelling=job.labelling)
 
 
 def oriented(verdict: Verdict, surfaces: tuple[Surface, ...]) -> tuple[Verdict, tuple[Surface, ...]]:

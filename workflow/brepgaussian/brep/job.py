@@ -45,6 +45,7 @@ class Job:
         silhouettes: evidence of the views, None without usable views.
         settings: of the stage.
         left_out: patches that take no part in the solid; their points are still evidence of what lies on it.
+        labelling: which one of `points.ply` the patches are from; 0 = the first.
     """
 
     patches: tuple[Patch, ...]
@@ -54,6 +55,7 @@ class Job:
     silhouettes: Silhouettes | None
     settings: BrepSettings
     left_out: tuple[Patch, ...] = ()
+    labelling: int = 0
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class Attempt:
         surfaces: what the structure's indices mean.
         shape: the solid as OCC bytes, None if there is none.
         verdict: of the gate; its faults say why there is no solid.
+        primitives: of the patches that the verdict is about, in their order; labelling: that they are from.
         fallback: whether it is the polyhedral last resort.
         notes: on the arrangement, for the report.
     """
@@ -73,5 +76,7 @@ class Attempt:
     shape: bytes | None
     verdict: Verdict
     surfaces: tuple[Surface, ...] = ()
+    primitives: tuple[int, ...] = ()
+    labelling: int = 0
     fallback: bool = False
     notes: dict[str, Any] = field(default_factory=dict)

@@ -77,9 +77,9 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
     """Jobs of other explanations of the points, of other labellings and what explains these, and afresh."""
     yield from _explanations(job, primitives.sigma)
     settings = PrimitivesSettings()
-    for labelled in labellings:
+    for number, labelled in enumerate(labellings, 1):
         other = primitives_of(labelled, settings)
-        relabelled = _job(labelled, other, job.silhouettes, job.settings)
+        relabelled = replace(_job(labelled, other, job.silhouettes, job.settings), labelling=number)
         yield relabelled
         yield from _explanations(relabelled, other.sigma)
     for other in alternatives(points, primitives, settings):
@@ -141,7 +141,7 @@ def climb(
     get_logger("brep").info("judged: %s", {k: v for k, v in judged.items() if k != "refinement"})
     assert chosen.shape is not None
     assert chosen.verdict.structure is not None
-    report = _report(chosen, [*search.tried, *search.beside], job) | judged
+    report = _report(chosen, [*search.tried, *search.beside]) | judged
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, report)
 
 
@@ -182,14 +182,15 @@ def _fallback(worker: Worker, job: Job, points: Points) -> Attempt:
             raise StageError(f"no solid could be built from the points ({error})") from error
 
 
-def _report(chosen: Attempt, tried: list[Attempt], job: Job) -> dict[str, Any]:
+def _report(chosen: Attempt, tried: list[Attempt]) -> dict[str, Any]:
     verdict = chosen.verdict
     return {
         "rung": chosen.rung,
         "fallback": chosen.fallback,
+        "labelling": chosen.labelling,
         "doubts": list(verdict.doubts),
         "explained": {
-            str(p.primitive): round(e, _DIGITS) for p, e in zip(job.patches, verdict.explained, strict=False)
+            str(p): round(e, _DIGITS) for p, e in zip(chosen.primitives, verdict.explained, strict=False) if p >= 0
         },
         "explained_all": round(verdict.explained_all, _DIGITS),
         "bare": round(verdict.bare, _DIGITS),
