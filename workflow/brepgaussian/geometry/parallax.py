@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.geometry.rows import distinct
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -82,9 +84,9 @@ def depths(seen: Looks, footprint: float, tolerance: float, side_px: float = PLA
         none, nothing = np.zeros((0, 3)), np.zeros(0)
         return Depths(np.zeros((0, 4), np.int64), none, none, nothing, nothing, nothing > 0)
     rows = seen.places(side_px * footprint)
-    places, where, count = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(where.ravel(), kind="stable")
-    where = where.ravel()[order]
+    places, where, count = distinct(rows)
+    order = np.argsort(where, kind="stable")
+    where = where[order]
     fit = _Places(where, np.concatenate([[0], np.cumsum(count)[:-1]]), seen.grey[order], tolerance)
     points, normals, directions = (rows[order] for rows in (seen.points, seen.normals, seen.directions))
     normal = fit.sums(normals)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.agreement import disagreement
 from brepgaussian.brep.refine.mesh import FaceMesh
-from brepgaussian.brep.refine.observe import Found, Images, measure, prepare
+from brepgaussian.brep.refine.observe import Found, Images, measure, prepare, whole_images
 from brepgaussian.brep.refine.parallax import Displaced, displaced
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
 from brepgaussian.brep.refine.solve import TONES, State, residuals
@@ -33,7 +33,6 @@ from brepgaussian.brep.refine.visibility import (
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
-from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
@@ -103,7 +102,7 @@ def acceptance(
     found = measure(images, seen, WINDOW_PX, WINDOW_PX / 2)
     masks = compare_masks(scene, views.cameras, views.alpha, poses)
     test = judge(seen, found, structure, tone, masks, settings)
-    return judge_faces(test, scene, structure, images, views, poses, settings)
+    return judge_faces(test, scene, structure, views, poses, settings)
 
 
 def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, views: Views, limit: int) -> Seen:
@@ -166,13 +165,12 @@ def judge_faces(
     test: Acceptance,
     scene: Scene,
     structure: Structure,
-    images: Images,
     views: Views,
     poses: Array,
     settings: BrepSettings,
 ) -> Acceptance:
     """The verdict on what lies between the edges added; depths, which cost most, where nothing else is wrong."""
-    shown = Shown.of(views, images.noise)
+    shown = whole_images(views)
     disputed = disagreement(scene, structure, shown, poses)
     good = test.accepted and disputed.area <= settings.accept_disputed
     off = displaced(scene, structure, shown, poses) if good else None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from brepgaussian.brep.refine.looks import largest_areas, looks
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave import Images as Shown
 from brepgaussian.splatting.concave.radiance import differences
 
@@ -57,8 +58,7 @@ def disagreement(scene: Scene, structure: Structure, shown: Shown, poses: Array)
     places = seen.places(side)
     local = seen.points / side - places[:, :3] - 0.5
     cost, told = differences(places, local, seen.grey, shown.tolerance, _CAP)
-    found, where, rays = np.unique(places, axis=0, return_inverse=True, return_counts=True)
-    where = where.ravel()
+    found, where, rays = distinct(places)
     asked = (np.bincount(where, told) == rays) & (rays >= _LEAST_RAYS)
     refuted = found[asked & (np.bincount(where, cost) > _REFUTED * rays)]
     bad, all_asked = (np.bincount(rows[:, 3], minlength=count) for rows in (refuted, found[asked]))

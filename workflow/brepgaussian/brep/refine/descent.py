@@ -11,7 +11,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, judge_faces, watch
 from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
-from brepgaussian.brep.refine.observe import Found, Images, measure
+from brepgaussian.brep.refine.observe import Found, Images, measure, whole_images
 from brepgaussian.brep.refine.parallax import Displaced, displaced
 from brepgaussian.brep.refine.solve import Prior, State, Step, step
 from brepgaussian.brep.refine.soundings import Soundings
@@ -19,7 +19,6 @@ from brepgaussian.brep.refine.visibility import Scene, Seen, compare_masks
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.settings.brep import BrepSettings
-from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
@@ -68,11 +67,11 @@ class Run:
         seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
         masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
         test = judge(seen, found, self.structure, self.state.tone, masks, settings)
-        return judge_faces(test, self.scene, self.structure, self.images, self.views, self.state.poses, settings)
+        return judge_faces(test, self.scene, self.structure, self.views, self.state.poses, settings)
 
     def displaced(self) -> Displaced:
         """What parallax places elsewhere."""
-        return displaced(self.scene, self.structure, Shown.of(self.views, self.images.noise), self.state.poses)
+        return displaced(self.scene, self.structure, whole_images(self.views), self.state.poses)
 
 
 def descend(

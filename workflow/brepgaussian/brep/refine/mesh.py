@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.rows import distinct
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
@@ -64,7 +65,7 @@ def merged(nodes: Array, triangles: Indices, face: Indices) -> FaceMesh:
 def follow(mesh: FaceMesh, structure: Structure, surfaces: Sequence[Surface]) -> FaceMesh:
     """Move every vertex onto the surfaces of the faces around it (one, two, three or more)."""
     owner = np.array([f.surface for f in structure.faces], np.int64)[mesh.face]  # (T,)
-    pairs = np.unique(np.column_stack([mesh.triangles.reshape(-1), np.repeat(owner, 3)]), axis=0)
+    pairs = distinct(np.column_stack([mesh.triangles.reshape(-1), np.repeat(owner, 3)]))[0]
     pairs = pairs[pairs[:, 1] >= 0]
     count = np.bincount(pairs[:, 0], minlength=len(mesh.vertices))
     start = np.concatenate([[0], np.cumsum(count)])

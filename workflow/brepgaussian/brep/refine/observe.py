@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.samples import Rays
 from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
+from brepgaussian.splatting.concave import Images as Shown
 
 Array = NDArray[np.float64]
 
@@ -64,6 +65,7 @@ class Found:
     step: Array
 
 
+_WHOLE: list[Shown] = []  # what `whole_images` gave last
 _LAST: list[tuple["ref[Views]", Images]] = []  # what `prepare` gave last: one object's images are asked for often
 
 
@@ -72,6 +74,13 @@ def prepare(views: Views) -> Images:
     if not _LAST or _LAST[0][0]() is not views:
         _LAST[:] = [(ref(views), _converted(views))]
     return _LAST[0][1]
+
+
+def whole_images(views: Views) -> Shown:
+    """The images for comparing places of faces, converted once, too."""
+    if not _WHOLE or _WHOLE[0].views is not views:
+        _WHOLE[:] = [Shown.of(views, prepare(views).noise)]
+    return _WHOLE[0]
 
 
 def _converted(views: Views) -> Images:

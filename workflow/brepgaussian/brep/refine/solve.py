@@ -15,6 +15,7 @@ from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOU
 from brepgaussian.brep.structure import CONCAVE, Structure
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.fit_robust import MAD_TO_SIGMA, TUKEY
+from brepgaussian.geometry.rows import distinct
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
@@ -179,10 +180,9 @@ class _Problem:
         self._size, self._start, self._free = size, start, free_poses
         self._tone = tone_columns(seen, found)[used]
         self._view, self._pose = rays.view, pose_rows(rays, cameras)
-        pairs, inverse = np.unique(rays.table, axis=0, return_inverse=True)
+        pairs, inverse, count = distinct(rays.table)
         self._blocks: list[tuple[NDArray, NDArray, Array]] = []  # rows, columns, derivatives
-        order = np.argsort(inverse.reshape(-1), kind="stable")
-        count = np.bincount(inverse.reshape(-1), minlength=len(pairs))
+        order = np.argsort(inverse, kind="stable")
         ends = np.cumsum(count)
         for pair, low, high in zip(pairs, ends - count, ends, strict=True):
             rows = order[low:high]

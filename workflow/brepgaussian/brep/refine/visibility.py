@@ -66,13 +66,16 @@ class Scene:
 
 def look(cameras: Cameras, view: Indices, pixels: Array, poses: Array) -> tuple[Array, Array]:
     """(R, 3) camera centres and (R, 3) unit directions through pixels, each row in its own view."""
-    intrinsics, rotation = cameras.intrinsics[view], np.ascontiguousarray(cameras.cam_from_unit[:, :3, :3])[view]
-    shift = poses[view]
+    intrinsics, shift = cameras.intrinsics.take(view, axis=0), poses.take(view, axis=0)
+    first, second, third = (cameras.cam_from_unit[:, k, :3] for k in range(3))  # (V, 3) rows of the rotations
     arm = pixels - shift[:, :2] - intrinsics[:, 2:]
     arm = arm - shift[:, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
-    u, v = (arm / intrinsics[:, :2]).T
-    directions = u[:, None] * rotation[:, 0] + v[:, None] * rotation[:, 1] + rotation[:, 2]
-    return cameras.centers[view], directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    arm /= intrinsics[:, :2]
+    directions = arm[:, :1] * first.take(view, axis=0)  # millions of rays: no (R, 3, 3) table of rotations
+    directions += arm[:, 1:] * second.take(view, axis=0)
+    directions += third.take(view, axis=0)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return cameras.centers.take(view, axis=0), directions
 
 
 @dataclass(frozen=True)
