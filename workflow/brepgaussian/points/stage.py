@@ -73,7 +73,7 @@ def _others(gathered: Gathered, first: Labelled, settings: PointsSettings) -> li
     found = [first]
     for cost in settings.other_label_costs if settings.labels == "fused" else ():
         other = label_samples(gathered, replace(settings, label_cost=cost))
-        if not any(same_patches(other.label, known.label) for known in found):
+        if (other.label >= 0).any() and not any(same_patches(other.label, known.label) for known in found):
             found.append(other)
     return found[1:]
 
