@@ -154,6 +154,20 @@ def test_edges_of_a_concavity_are_its_border_and_corners(channel):
     assert ((cloud.points[:, 2] > 0.99) & (cloud.points[:, 2] < 1.001)).all()
 
 
+def test_a_countersunk_hole_has_a_rim_a_throat_and_a_floor(channel):
+    lattice = Lattice(np.array([0.0, 0.0, 1.0]), *np.eye(3), 0.01, (100, 100))
+    rows, columns = np.indices((100, 100)) + 0.5
+    outline = np.hypot(rows - 50, columns - 50) < 20
+    hole = Prism(lattice, outline, 0.006, False, 0.0, draft=5.0, sink=0.02)  # so shallow that views see all of it
+    empty = EdgeCloud(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.int16))
+    cloud = concavity_edges(channel[0], Scene(BOX, np.array(SIDES)), [hole], empty)
+    radius, depth = np.hypot(*(cloud.points[:, :2] - 0.5).T), 1 - cloud.points[:, 2]
+    for known_depth, known_radius in ((0.0, 0.2), (0.004, 0.18), (0.006, 0.18)):
+        ring = np.abs(depth - known_depth) < 2e-4
+        assert ring.sum() > 80
+        assert np.abs(radius[ring] - known_radius).max() < 0.5 * lattice.pitch
+
+
 def test_what_no_camera_can_see_is_unobserved(channel):
     views = channel[0]
     shelf = np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5], [0.7, 0.7, 0.5], [0.3, 0.7, 0.5]])

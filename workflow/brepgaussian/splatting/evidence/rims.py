@@ -53,15 +53,18 @@ def concavity_edges(views: Views, scene: Scene, prisms: Sequence[Prism], cloud: 
 
 
 def _edges(prism: Prism) -> tuple[Array, Array]:
-    """(N, 3) points and (N, 3) tangents along the rim, the floor's border and the corners between walls."""
+    """(N, 3) points and (N, 3) tangents along rim, throat of a countersink, the floor's border and walls' corners."""
     lattice = prism.lattice
     axes = np.stack([lattice.first, lattice.second])
     down = -lattice.normal + np.array(prism.tilt) @ axes
     points, directions = [np.zeros((0, 3))], [np.zeros((0, 3))]
     outline = np.pad(ndimage.gaussian_filter(signed_outline(prism.outline), _BLUR_CELLS), 1, constant_values=1.0)
-    floor = outline + prism.draft * prism.depth / lattice.pitch
-    for depth, field in ((0.0, outline), (prism.depth, floor)):
-        for line in find_contours(field, 0.0):
+    narrower = min(prism.draft * prism.depth, prism.sink)
+    rings = [(0.0, 0.0), (prism.depth, narrower)]
+    if 0 < prism.rim <= narrower:
+        rings.append((prism.rim / prism.draft, prism.rim))
+    for depth, shrunk in rings:
+        for line in find_contours(outline + shrunk / lattice.pitch, 0.0):
             cells, tangents = _even(line - 1)  # the padding
             if len(cells) < _SHORTEST:
                 continue
