@@ -5,7 +5,7 @@ import pytest
 from brepgaussian.brep.job import Job
 from brepgaussian.brep.ladder import bared
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.skins import skins
+from brepgaussian.brep.skins import ramps, skins
 from brepgaussian.geometry.surfaces import cylinder, plane
 from brepgaussian.settings.brep import BrepSettings
 
@@ -71,3 +71,34 @@ def test_a_fillet_deeper_than_a_hull_rounds_is_a_face(radius, found):
     xyz = axis - radius * outward + np.outer(along, [0, 1, 0])
     fillet = cylinder(axis, np.array([0, 1.0, 0]), radius, flipped=True)
     assert skins([*walls, Patch(fillet, 0, xyz, outward, 0.03, NOISE)]) == found
+
+
+def beside_a_fillet(side, round_=True):
+    """A floor z = 0, an inner fillet (or a plane as steep) that touches it, and a strip across: `side` 1 in the air."""
+    angle = np.radians(RNG.uniform(20, 90, 1500))
+    normals = np.column_stack([np.sin(angle), np.zeros(1500), np.cos(angle)])
+    xyz = np.array([0.2, 0, 0.2]) - 0.2 * normals + RNG.uniform(-0.25, 0.25, 1500)[:, None] * [0, 1, 0]
+    fillet = Patch(cylinder((0.2, 0, 0.2), (0, 1, 0), 0.2).flip(), 0, xyz, normals, 0.03, NOISE)
+    if not round_:
+        fillet = strip([0.1, 0, 0.02], [np.sin(0.25), 0, np.cos(0.25)], [0, 1, 0], 0.2, count=1500)
+    floor = strip([0.5, 0, 0], [0, 0, 1], [0, 1, 0], 0.5, count=4000)
+    lean = np.array([0.1, 0, 1])
+    return [fillet, floor, strip([0.19, 0, side * 0.006], lean, [0, 1, 0], 0.11, count=80)]
+
+
+def test_a_strip_that_cuts_across_where_a_fillet_begins_may_be_a_ramp():
+    assert ramps(beside_a_fillet(1)) == (2,)
+    assert skins(beside_a_fillet(1)) == ()
+
+
+def test_a_strip_below_both_or_between_planes_is_no_ramp():
+    assert ramps(beside_a_fillet(-1)) == ()
+    assert ramps(beside_a_fillet(1, round_=False)) == ()
+    assert ramps(corner(45, 1)) == ()
+
+
+def test_a_job_without_its_ramps():
+    patches = tuple(beside_a_fillet(1))
+    (job,) = bared(Job(patches, (), np.zeros((0, 3)), (), None, BrepSettings()))
+    assert job.patches == patches[:2]
+    assert job.left_out == patches[2:]

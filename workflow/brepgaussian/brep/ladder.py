@@ -21,7 +21,7 @@ from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.simplify import Change, applied
-from brepgaussian.brep.skins import skins
+from brepgaussian.brep.skins import ramps, skins
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import symmetric
 from brepgaussian.brep.tangents import tangent_walls
@@ -111,11 +111,11 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
 
 
 def bared(job: Job) -> Iterator[Job]:
-    """The job without its skins, if it has any: the faces beside them are extended until they meet."""
-    gone = skins(job.patches)
-    if gone and len(gone) < len(job.patches):
-        names = ", ".join(str(job.patches[i].primitive) for i in gone)
-        yield applied(job, [Change(f"without skins {names}", gone, ())])
+    """The job without its skins, and without its ramps, if it has any: the faces beside them are extended to meet."""
+    for what, gone in (("skins", skins(job.patches)), ("ramps", ramps(job.patches))):
+        if gone and len(gone) < len(job.patches):
+            names = ", ".join(str(job.patches[i].primitive) for i in gone)
+            yield applied(job, [Change(f"without {what} {names}", gone, ())])
 
 
 def climb(
