@@ -119,8 +119,7 @@ def same_patches(one: Index, other: Index) -> bool:
         return False
     shared = np.zeros((one.max() + 1, other.max() + 1), np.int64)
     np.add.at(shared, (one[both], other[both]), 1)
-    match = shared.argmax(1)
-    return bool((shared.argmax(0)[match] == np.arange(len(match))).all() and len(set(match.tolist())) == len(match))
+    return bool((shared.argmax(0)[shared.argmax(1)] == np.arange(len(shared))).all())  # each the other's largest part
 
 
 def _features(features: NDArray[np.float32], owner: Index, pairs: Index) -> Array:

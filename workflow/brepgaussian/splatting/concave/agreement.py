@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.radiance import differences
 from brepgaussian.splatting.concave.scene import Scene
@@ -59,9 +60,9 @@ class Rays:
 
     def advantage(self, costs: Costs, other: Costs) -> float:
         """By how many standard errors the rays that both tell of disagree less on the other; 0 if they are alike."""
-        units = np.unique(np.floor(self.at / self.side).astype(np.int64), axis=0, return_inverse=True)
+        units = distinct(np.floor(self.at / self.side).astype(np.int64))[1]
         gain = np.where(costs[1] & other[1], costs[0] - other[0], 0.0)
-        less = np.bincount(units[1].ravel(), gain)
+        less = np.bincount(units, gain)
         spread = float(np.sqrt((less**2).sum()))
         return float(less.sum()) / spread if spread else 0.0
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
 from brepgaussian.splatting.concave.rays import Rays, exits
@@ -166,8 +167,7 @@ def on_lid(rays: Rays, tolerance: float, side: float) -> Costs:
 
 def units_of(rays: Rays) -> NDArray[np.int64]:
     """(N,) groups of rays that err together."""
-    places = np.column_stack([rays.view, rays.start // _UNIT_CELLS])
-    return np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    return distinct(np.column_stack([rays.view, (rays.start // _UNIT_CELLS).astype(np.int64)]))[1]
 
 
 def advantage(units: NDArray[np.int64], costs: Costs, other: Costs) -> float:
