@@ -1,5 +1,7 @@
 """Badly reconstructed regions: few surfaces along the design's directions instead of pieces of many kinds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.artifacts.points import Points
@@ -11,10 +13,10 @@ SETTINGS = PrimitivesSettings()
 SIGMA, BULGE = 0.0008, 0.004  # of good faces, and how far the bad face's middle lies off
 
 
-def reconstructed(truth, bad, pieces, rng):
+def reconstructed(truth, bad, pieces, rng, sigma=SIGMA, turn=0.02):
     """Points of a truth; one face bulges (its normals with it) and comes in pieces, each with a label of its own."""
-    xyz = truth.points + SIGMA * rng.normal(size=truth.points.shape)
-    normals = truth.normals + 0.02 * rng.normal(size=truth.normals.shape)
+    xyz = truth.points + sigma * rng.normal(size=truth.points.shape)
+    normals = truth.normals + turn * rng.normal(size=truth.normals.shape)
     label = truth.point_face.astype(np.int64).copy()
     on = np.flatnonzero(label == bad)
     offset = truth.points[on] - truth.points[on].mean(axis=0)
@@ -60,6 +62,18 @@ def test_a_bulging_groove_is_among_the_alternatives(truth_maker):
     points = reconstructed(truth, 1, 5, np.random.default_rng(3))
     found = alternatives(points, primitives_of(points, SETTINGS), SETTINGS)
     assert ["torus"] in [kinds_on(a, truth, 1) for a in found]
+
+
+def test_points_without_any_noise_have_believable_noise(truth_maker):
+    """All faces but one are exact, so that the median of the normals' noise is nought."""
+    truth = truth_maker("l_bracket")
+    points = reconstructed(truth, 0, 9, np.random.default_rng(3), sigma=0.0, turn=0.0)
+    along = np.abs(truth.normals) > 1 - 1e-6  # faces along the frame's axes: exact in float32, too
+    points = replace(points, normals=np.where(along, np.round(points.normals), points.normals))
+    primitives = primitives_of(points, SETTINGS)
+    exact = [replace(p, surface=replace(p.surface, axis=np.round(p.surface.axis, 3))) for p in primitives.items]
+    first = next(iter(alternatives(points, replace(primitives, items=tuple(exact)), SETTINGS)))
+    assert kinds_on(first, truth, 0) == ["plane"]
 
 
 def test_nothing_is_explained_afresh_where_all_patches_are_sure(truth_maker, point_maker):

@@ -18,6 +18,7 @@ from brepgaussian.geometry.fit import fit_robust, inliers, oriented, plausible, 
 from brepgaussian.geometry.fit_choose import turn_of
 from brepgaussian.geometry.surfaces import KINDS, Surface
 from brepgaussian.primitives.candidates import FEW, FILLET, TURN, Candidate, candidates, upright
+from brepgaussian.primitives.fitting import TURN_FLOOR
 from brepgaussian.primitives.guided import SURE, Known, known
 from brepgaussian.primitives.patches import Cloud, Indices, Noise, Patch, make_cloud, spreads
 from brepgaussian.primitives.regularise import regularise, state_of
@@ -105,11 +106,11 @@ def _patches(primitives: Primitives, cloud: Cloud) -> list[Patch]:
 
 
 def _noise(patches: Sequence[Patch], distance: float, settings: PrimitivesSettings) -> Noise:
-    """The noise of the points; that of the normals is the patch's that holds the middle point."""
+    """The noise of the points; that of the normals is the patch's that holds the middle point, never nought."""
     order = sorted(patches, key=lambda p: p.turn)
     total = np.cumsum([len(p.members) for p in order])
     turn = order[int(np.searchsorted(total, total[-1] / 2))].turn
-    return Noise(max(distance, settings.sigma_floor), turn)
+    return Noise(max(distance, settings.sigma_floor), max(turn, TURN_FLOOR))
 
 
 def _primitive(patch: Patch, cloud: Cloud) -> Primitive:
