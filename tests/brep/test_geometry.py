@@ -1,5 +1,7 @@
 """Charts, sheets, borders and caps against analytic answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.brep.borders import border_points, open_points
@@ -124,6 +126,25 @@ def test_nothing_is_open_on_a_whole_box(kit):
     assert sum(len(b) for b in open_points(patches)) == 0
 
 
+@pytest.mark.parametrize(("through", "corner"), [(False, 0.2), (True, 0.0)])
+def test_a_wall_ends_where_a_fillet_takes_over_unless_it_goes_on_elsewhere(through, corner):
+    """A wall x = 0 above y = .2, from where a fillet touches it; if `through`, it goes on beside the fillet."""
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(np.pi, 1.5 * np.pi, 800)
+    xyz = np.column_stack([0.2 + 0.2 * np.cos(angle), 0.2 + 0.2 * np.sin(angle), 0.5 * rng.random(800)])
+    wall = np.column_stack([np.zeros(4000), rng.random((4000, 2))])
+    beyond = wall[:, 1] < 0.2
+    wall = wall[~beyond | (through & (wall[:, 2] > 0.5))]
+    patches = [patch_of(cylinder([0.2, 0.2, 0.0], Z, 0.2), xyz), patch_of(plane([0, 0, 0], [-1, 0, 0]), wall)]
+    sheet = make_sheet(1, patches, 0.04)
+    corners = sheet.chart.evaluate(*sheet.polygon.T)
+    if through:
+        assert corners[:, 1].min() < corner - 0.04
+    else:
+        assert corners[:, 1].min() == pytest.approx(corner, abs=1e-12)
+    assert corners[:, 1].max() > 1.04
+
+
 def test_tidy_joins_one_cylinder_found_twice_but_not_two_steps():
     rng = np.random.default_rng(0)
     angle, height = rng.random(600) * TURN, rng.random(600)
@@ -135,9 +156,24 @@ def test_tidy_joins_one_cylinder_found_twice_but_not_two_steps():
     patches = [Patch(one, 0, xyz[low], one.normals(xyz[low]), 0.02, 0.001)]
     patches += [Patch(two, 1, xyz[high], two.normals(xyz[high]), 0.02, 0.001)]
     patches += [Patch(p, 2 + i, step + p.origin, p.normals(step).copy(), 0.02, 0.001) for i, p in enumerate(planes)]
-    result = tidy(patches)
+    result = tidy(patches, 0.0005)
     assert [p.surface.kind for p in result] == ["cylinder", "plane", "plane"]
     assert len(result[0].xyz) == 600
+
+
+def test_tidy_keeps_a_small_face_beside_exact_ones():
+    """Where most points are exact to rounding, one wrong label makes a small face's residual many times theirs."""
+    rng = np.random.default_rng(0)
+    side = np.column_stack([rng.random((2000, 2)), np.zeros(2000)])
+    walls = [side[:, [0, 1, 2]], side[:, [0, 2, 1]], side[:, [2, 0, 1]]]
+    surfaces = [plane(np.zeros(3), normal) for normal in (Z, np.array([0, 1.0, 0]), np.array([1.0, 0, 0]))]
+    patches = [
+        Patch(f, i, w, f.normals(w).copy(), 0.02, 1e-12) for i, (f, w) in enumerate(zip(surfaces, walls, strict=True))
+    ]
+    small = Patch(plane([0, 0, 0.5], Z), 3, walls[0][:20] * 0.1 + [0, 0, 0.5], np.tile(Z, (20, 1)), 0.02, 1e-5)
+    assert [p.primitive for p in tidy([*patches, small], 0.0005)] == [0, 1, 2, 3]
+    poor = replace(small, sigma=0.002)
+    assert [p.primitive for p in tidy([*patches, poor], 0.0005)] == [0, 1, 2]
 
 
 def test_an_extended_torus_goes_all_the_way_round():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.geometry.fit import choose, plausible
+from brepgaussian.geometry.fit_choose import TRIMMED, UNEXPLAINED, noise_floors
 from brepgaussian.geometry.surfaces import cone, cylinder, sphere, torus
 
 
@@ -52,3 +53,26 @@ def test_a_narrow_ring_is_no_torus_and_a_fillet_is(minor, low, high, expected):
     points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), minor * np.sin(profile)])
     tilted = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     assert plausible(torus(np.full(3, 0.1), tilted[2], 0.2, minor), 0.1 + points @ tilted) == expected
+
+
+@pytest.mark.parametrize("sigma", [0.001, 0.006])
+@pytest.mark.parametrize(("radius", "expected"), [(0.35, False), (0.1, True)])
+def test_a_little_bent_strip_may_be_a_plane_however_noisy_its_points_are(sigma, radius, expected):
+    """A strip .1 wide that turns by 8 degrees to each side (a plane's bulge), or by 30."""
+    rng = np.random.default_rng(4)
+    surface = cylinder(np.zeros(3), np.array([0.0, 0.0, 1.0]), radius)
+    turn, height = rng.uniform(-0.05, 0.05, 400) / radius, rng.random(400) * 0.2
+    xyz = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])
+    assert plausible(surface, xyz + sigma * rng.normal(size=xyz.shape)) == expected
+
+
+@pytest.mark.parametrize("sigma", [0.5, 3.0])
+def test_noise_floors_add_variances(sigma):
+    """All errors the points' own: noise and best kind as they are; all smooth: with their allowances."""
+    misfits = np.array([[1.0, 0.1], [2.0, 0.3]])
+    own = noise_floors(sigma, 0.05, misfits, 1.0)
+    smooth = noise_floors(sigma, 0.05, misfits, 0.0)
+    half = noise_floors(sigma, 0.05, misfits, 0.5)
+    np.testing.assert_allclose(own, [max(TRIMMED * sigma, 1.0), 0.1])
+    np.testing.assert_allclose(smooth, [max(sigma, UNEXPLAINED), 0.1 * UNEXPLAINED])
+    assert all(a < b < c for a, b, c in zip(own, half, smooth, strict=True))

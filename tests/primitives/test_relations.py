@@ -5,10 +5,11 @@ import pytest
 from brepgaussian.artifacts.points import Points
 from brepgaussian.geometry.fit import PARAMETERS, fit, moved
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
-from brepgaussian.primitives.patches import Patch, make_cloud
-from brepgaussian.primitives.propose import _back_to_back
-from brepgaussian.primitives.relations import Link
+from brepgaussian.primitives.patches import Noise, Patch, make_cloud
+from brepgaussian.primitives.propose import State, _back_to_back, directions
+from brepgaussian.primitives.relations import Link, direction_angle
 from brepgaussian.primitives.solve import EFFECTIVE, Evidence, covariance, derivative, independent, significance, solve
+from brepgaussian.settings.primitives import PrimitivesSettings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sampled_surfaces import noisy, random_surface, sample
@@ -159,6 +160,27 @@ def test_only_independent_errors_count_one_by_one(slow, low, high):
     cloud = make_cloud(Points(points.astype(np.float32), normals.astype(np.float32), none, label, label - 1), 10)
     patch = Patch((0,), np.arange(len(points)), fit("plane", points, normals), 0.004, 0.01)
     assert low <= independent(patch, cloud, 0.015) <= high
+
+
+@pytest.mark.parametrize(("degrees", "snapped"), [(5.0, False), (0.8, True)])
+def test_a_narrow_wall_knows_its_direction_along_its_length(degrees, snapped):
+    """A slot's wall .3 long and .04 high beside a large wall: about its length it may lean by much, not about z."""
+    rng = np.random.default_rng(6)
+    turn = np.radians(degrees)
+    axis = np.array([np.sin(turn), np.cos(turn), 0.0])
+    long = np.array([axis[1], -axis[0], 0.0])
+    strip = O + (rng.random((150, 1)) - 0.5) * 0.3 * long + (rng.random((150, 1)) - 0.5) * 0.04 * Z
+    wide = O + np.column_stack([rng.random(900) - 0.5, np.full(900, 0.3), rng.random(900) - 0.5])
+    clouds = [p + 0.005 * rng.normal(size=p.shape) for p in (wide, strip)]
+    surfaces = [fit("plane", p, np.tile(a, (len(p), 1))) for p, a in zip(clouds, ([0, 1.0, 0], axis), strict=True)]
+    covariances = [covariance(s, evidence_of(p, 0.005)) for s, p in zip(surfaces, clouds, strict=True)]
+    touching = np.zeros((2, 2), bool)
+    noise = Noise(0.005, 0.1)
+    state = State(surfaces, covariances, [900, 150], touching, noise, PrimitivesSettings(), [0.005, 0.005])
+    assert direction_angle(*surfaces) < state.angle_tolerance(0, 1)
+    assert [(link.kind, link.first, link.second) for link in directions(state)] == (
+        [("parallel", 0, 1)] if snapped else []
+    )
 
 
 def test_a_thin_wall_is_no_tangency():

@@ -131,6 +131,18 @@ def test_a_known_direction_guides_a_badly_seen_bore():
     assert abs(found.axis @ Z) > np.cos(np.radians(0.5))
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_floor_of_a_recess_in_a_shaft_is_a_plane_though_points_are_noisy(seed):
+    """A flat .1 wide in a shaft: a cylinder about the shaft's axis has fewer parameters, but its normals differ."""
+    rng = np.random.default_rng(seed)
+    shaft = sample(cylinder(np.full(3, 0.5), Z, 0.3), 4000, rng)
+    end = sample(plane(np.array([0.5, 0.5, 0.8]), Z), 2000, rng)
+    flat = np.column_stack([np.full(160, 0.75), 0.45 + 0.1 * rng.random(160), 0.4 + 0.2 * rng.random(160)])
+    pieces = [shaft, end, (flat, np.tile(X, (160, 1)))]
+    result = primitives_of(cloud(pieces, rng, sigma=0.005, turn=0.2), DEFAULT)
+    assert [p.surface.kind for p in result.items if 2 in (p.label,)] == ["plane"]
+
+
 def test_rank_correlation_agrees_with_scipy():
     rng = np.random.default_rng(5)
     first, second = rng.normal(size=50).round(1), rng.normal(size=50).round(1)

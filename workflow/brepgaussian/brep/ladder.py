@@ -64,7 +64,7 @@ def make_job(views: Views, points: Points, primitives: Primitives, settings: Bre
 def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None, settings: BrepSettings) -> Job:
     patches = make_patches(primitives.items, points, settings.max_reach)
     if settings.tidy:
-        patches = tidy(patches)
+        patches = tidy(patches, PrimitivesSettings().sigma_floor)
     borders = open_points(patches)
     caps = find_caps(patches, borders, settings.seed)
     ends = np.concatenate([*(p.xyz[b] for p, b in zip(patches, borders, strict=True)), np.zeros((0, 3))])

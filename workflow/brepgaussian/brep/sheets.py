@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from brepgaussian.brep.chart import TURN, Chart, chart_of, largest_gap
+from brepgaussian.brep.outline import TANGENT_DISTANCE, TANGENT_SINE, clip, cut_at_tangents, octagon
 from brepgaussian.brep.patches import Patch
 
 Array = NDArray[np.float64]
@@ -16,8 +16,6 @@ Array = NDArray[np.float64]
 BOX = np.array([[-0.1] * 3, [1.1] * 3])  # a sheet of full extent ends here: the unit frame and a rim
 FULL_TURN_GAP = np.radians(100.0)  # a support with a smaller gap is taken as a full turn
 _CLOSED = 2.0  # of reach: a gap as narrow as that between points is none
-TANGENT_SINE = 1e-4  # sine of the angle between normals where two surfaces count as tangent
-TANGENT_DISTANCE = 1e-5  # and their distance there, unit frame; the regularised fits are exact to rounding
 _SCAN, _LANES, _GOLDEN_STEPS = 25, 5, 60
 
 
@@ -43,7 +41,7 @@ def make_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool
     patch = patches[index]
     margin += patch.reach  # points end about this far before the patch does
     if patch.surface.kind == "plane":
-        return _plane_sheet(index, patch, margin, extend)
+        return _plane_sheet(index, patches, margin, extend)
     chart, points = _seamed_chart(index, patches)
     uv = chart.parameters(points)
     start_v = 0.0
@@ -231,8 +229,9 @@ def _box_range(patch: Patch) -> tuple[float, float]:
     return max(float(along.min() / slant), -far), min(float(along.max() / slant), far)
 
 
-def _plane_sheet(index: int, patch: Patch, margin: float, extend: bool) -> Sheet:
+def _plane_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool) -> Sheet:
     """An octagon around the support, aligned with its narrowest rectangle, or the plane's cut of the box."""
+    patch = patches[index]
     chart = chart_of(patch.surface)
     uv = chart.parameters(patch.xyz)
     if extend:
@@ -244,45 +243,9 @@ def _plane_sheet(index: int, patch: Patch, margin: float, extend: bool) -> Sheet
             for side, sign in ((0, -1.0), (1, 1.0)):
                 gradient = sign * np.array([chart.x[axis], chart.y[axis]])
                 bound = sign * (BOX[side, axis] - patch.surface.origin[axis])
-                polygon = _clip(polygon, gradient, bound)
+                polygon = clip(polygon, gradient, bound)
         if len(polygon) >= 3:
             return Sheet(index, chart, polygon=polygon)
-    return Sheet(index, chart, polygon=octagon(uv, margin))
-
-
-def octagon(uv: Array, margin: float) -> Array:
-    """(K, 2) corners of the 8-sided outline of 2D points, grown by `margin`; K is 4 to 8."""
-    try:
-        hull = uv[ConvexHull(uv).vertices]
-    except QhullError:  # all on a line
-        hull = np.unique(uv, axis=0)
-    sides = np.roll(hull, -1, axis=0) - hull
-    angles = np.unique(np.round(np.mod(np.arctan2(sides[:, 1], sides[:, 0]), np.pi / 2), 12))
-    best, best_area = None, np.inf
-    for angle in angles:
-        directions = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        spread = np.ptp(hull @ directions.T, axis=0) + margin
-        if np.prod(spread) < best_area - 1e-12:
-            best, best_area = directions, float(np.prod(spread))
-    assert best is not None
-    low, high = (hull @ best.T).min(axis=0) - margin, (hull @ best.T).max(axis=0) + margin
-    polygon = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]) @ best
-    for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        diagonal = (a * best[0] + b * best[1]) / np.sqrt(2)
-        bound = float((hull @ diagonal).max() + 2 * margin)  # few points lie near the tip of a corner
-        if (polygon @ diagonal).max() - bound > 2 * margin:  # a cut that saves little is left out
-            polygon = _clip(polygon, diagonal, bound)
-    return polygon
-
-
-def _clip(polygon: Array, gradient: Array, bound: float) -> Array:
-    """The part of a convex polygon where gradient . x <= bound."""
-    result: list[Array] = []
-    values = polygon @ gradient - bound
-    for i, (point, value) in enumerate(zip(polygon, values, strict=True)):
-        following, next_value = polygon[(i + 1) % len(polygon)], values[(i + 1) % len(polygon)]
-        if value <= 0:
-            result.append(point)
-        if value * next_value < 0:
-            result.append(point + (following - point) * (value / (value - next_value)))
-    return np.array(result).reshape(-1, 2)
+    polygon = octagon(uv, margin)
+    beside = [patches[k] for k in _beside(patches, index, margin)]
+    return Sheet(index, chart, polygon=cut_at_tangents(polygon, chart, patch, beside))

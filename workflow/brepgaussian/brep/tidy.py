@@ -22,11 +22,16 @@ _POOR_SHARE = 0.004  # of all points: fewer on a poor fit are left out
 _POOR_SIGMAS = 1.8
 
 
-def tidy(patches: Sequence[Patch]) -> list[Patch]:
-    """Join patches of one surface (the better surface stays) and leave out poor small ones."""
+def tidy(patches: Sequence[Patch], least: float) -> list[Patch]:
+    """Join patches of one surface (the better surface stays) and leave out poor small ones.
+
+    Args:
+        patches: to be tidied.
+        least: believable noise, unit frame: beside patches without any, a tiny residual is not poor.
+    """
     if not patches:
         return []
-    noise = float(np.median([p.sigma for p in patches]))
+    noise = max(float(np.median([p.sigma for p in patches])), least)
     total = sum(len(p.xyz) for p in patches)
     result = [p for p in patches if len(p.xyz) >= _POOR_SHARE * total or p.sigma <= _POOR_SIGMAS * noise]
     result.sort(key=lambda p: -len(p.xyz))

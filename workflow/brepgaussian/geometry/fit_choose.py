@@ -101,7 +101,7 @@ def choose(
     rng = np.random.default_rng(0) if rng is None else rng
     own = own if len(points) >= JUDGED else 0.0
     count = observations(len(points), own, EFFECTIVE)
-    known = noise_floors(sigma, normal_sigma, np.zeros((1, 2)), count)
+    known = noise_floors(sigma, normal_sigma, np.zeros((1, 2)), own)
     found: dict[str, tuple[float, Surface, Mask]] = {}
     for kind in sorted(kinds, key=lambda k: PRICE[k]):
         if len(points) < max(MINIMUM[kind], PARAMETERS[kind]):
@@ -126,7 +126,7 @@ def choose(
         surface = list(found.values())[int(np.argmin(spreads.prod(axis=1)))][1]
         own = min(own, own_share(*shared_errors(surface, points, CUT * max(surface.rms(points), sigma))))
         count = observations(len(points), own, EFFECTIVE)
-    floors = noise_floors(sigma, normal_sigma, spreads, count)
+    floors = noise_floors(sigma, normal_sigma, spreads, own)
     costs = {k: description_length(f[1], points, normals, *floors, effective=count) for k, f in found.items()}
     best = min(found, key=lambda k: (costs[k], PRICE[k]))
     _, surface, mask = found[best]
@@ -154,20 +154,18 @@ def description_length(
     )
 
 
-def noise_floors(sigma: float, normal_sigma: float, misfits: Array, effective: float) -> tuple[float, float]:
+def noise_floors(sigma: float, normal_sigma: float, misfits: Array, own: float) -> tuple[float, float]:
     """Distance and angle (`misfit`) below which residuals earn nothing.
 
-    Smooth errors may make of them anything up to the noise and `UNEXPLAINED` times what the best kind leaves. The more
-    observations are independent, the less is left to chance: the noise as a `misfit` shows it, and what the best kind
-    leaves.
+    Smooth errors may make of them anything up to the noise and `UNEXPLAINED` times what the best kind leaves; errors of
+    the points' own the noise as a `misfit` shows it, and what the best kind leaves. Variances add up.
 
     Args:
         sigma, normal_sigma: noise of the points and of their normals.
         misfits: (K, 2) of the kinds.
-        effective: number of independent observations.
+        own: share of the errors' variance that is every point's own.
     """
-    slow = min(EFFECTIVE / effective, 1.0)
-    known, left = TRIMMED + slow * (1 - TRIMMED), 1 + slow * (UNEXPLAINED - 1)
+    known, left = np.sqrt(own * np.array([TRIMMED, 1.0]) ** 2 + (1 - own) * np.array([1.0, UNEXPLAINED]) ** 2)
     floors = np.maximum(known * np.array([sigma, normal_sigma]), left * misfits.min(axis=0))
     return float(floors[0]), float(floors[1])
 
@@ -203,7 +201,7 @@ def plausible(surface: Surface, points: Array, reach: float = np.inf, own: float
         return False
     if surface.kind == "plane":
         return True
-    if surface.radius + surface.minor > reach or _flat(turn_of(surface, points), points):
+    if surface.radius + surface.minor > reach or _flat(surface, points):
         return False
     if surface.kind == "torus":
         ring = MIN_TORUS_RATIO * surface.minor < surface.radius < MAX_TORUS_RATIO * surface.minor
@@ -247,13 +245,15 @@ def _tapers(cone: Surface, points: Array, least: float) -> bool:
     return bool(cone.angle > SLENDER or np.tan(cone.angle) * np.ptp(points @ cone.axis) > least)
 
 
-def _flat(turn: float, points: Array) -> bool:
-    """Whether points whose surface turns by an angle (radians) may as well be a plane that bulges."""
+def _flat(surface: Surface, points: Array) -> bool:
+    """Whether the piece of a surface that points lie on may as well be a plane that bulges."""
+    turn = turn_of(surface, points)
     if turn >= BULGE_TURN:
         return False
     if turn < FLAT_TURN:
         return True
-    centred = points - points.mean(axis=0)
+    feet = surface.project(points)  # without the points' noise, which is no bulge
+    centred = feet - feet.mean(axis=0)
     height, width, _ = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(points)), 0))
     return bool(height < min(BULGE_SHARE * np.sqrt(12) * width, BULGE_MOST))
 

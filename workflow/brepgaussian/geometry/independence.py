@@ -14,15 +14,18 @@ Array = NDArray[np.float64]
 
 SLOW = 0.2  # of the errors' variance that is common to neighbours where errors are slow: points of surfels have more
 BESIDE = 10  # neighbours of a point
+EXACT = 5e-5  # unit frame: errors this small are rounding, not those of a reconstruction, and have nothing in common
 
 
 def shared_errors(surface: Surface, points: Array, cut: float) -> tuple[float, int]:
     """Correlation of neighbours' distances from a surface, and the number of points (N, 3) within `cut` of it."""
     error = surface.signed_distance(points)
-    near = np.abs(error) < cut
+    near = np.abs(error) < max(cut, EXACT)
     error = error[near]
-    if len(error) <= BESIDE or not error.any():
+    if len(error) <= BESIDE:
         return 1.0, len(error)
+    if np.sqrt(np.mean(error**2)) < EXACT:
+        return 0.0, len(error)
     # neighbours along the surface: nearest points in space are the nearer the more alike their errors are
     foot = surface.project(points[near])
     beside = cKDTree(foot).query(foot, BESIDE + 1)[1][:, 1:]

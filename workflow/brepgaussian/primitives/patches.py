@@ -155,16 +155,20 @@ def spreads(surface: Surface, cloud: Cloud, members: Indices) -> tuple[float, fl
     return trimmed_rms(distance), trimmed_rms(turn)
 
 
+def own_errors(patch: Patch, cloud: Cloud, noise: Noise) -> float:
+    """Share of a patch's errors that is every point's own: they may be smooth where others' are not."""
+    if noise.own == 0 or len(patch.members) < JUDGED:
+        return 0.0
+    cut = CUT * max(noise.distance, patch.rms)
+    return min(noise.own, own_share(*shared_errors(patch.surface, cloud.xyz[patch.members], cut)))
+
+
 def observations(patch: Patch, cloud: Cloud, noise: Noise) -> float:
-    """Number of independent observations of a patch's shape: its own errors may be smooth where others' are not.
+    """Number of independent observations of a patch's shape.
 
     Errors that neighbours have in common count as `EFFECTIVE` observations however many points there are.
     """
-    if noise.own == 0 or len(patch.members) < JUDGED:
-        return float(min(len(patch.members), EFFECTIVE))
-    cut = CUT * max(noise.distance, patch.rms)
-    own = own_share(*shared_errors(patch.surface, cloud.xyz[patch.members], cut))
-    return independence.observations(len(patch.members), min(noise.own, own), EFFECTIVE)
+    return independence.observations(len(patch.members), own_errors(patch, cloud, noise), EFFECTIVE)
 
 
 def trimmed_rms(values: Array) -> float:

@@ -9,6 +9,7 @@ from brepgaussian.geometry.fit import PARAMETERS
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.primitives.patches import Noise
 from brepgaussian.primitives.relations import ANGLES_DEG, TANGENT_PAIRS, Link, axis_gap, direction_angle
+from brepgaussian.primitives.solve import significance
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 Array = NDArray[np.float64]
@@ -62,6 +63,15 @@ class State:
         floor = np.radians(self.settings.angle_floor_deg) * min(1.0, self.noise.distance / USUAL_NOISE)
         return float(np.clip(own, floor, np.radians(self.settings.angle_cap_deg)))
 
+    def may_be_parallel(self, i: int, j: int, angle: float) -> bool:
+        """Whether two directions at an angle (radians) differ by no more than is believable about the axis they turn.
+
+        A narrow wall knows its direction along its length better than `tilt_error`, which is the worst of all.
+        """
+        if angle < np.radians(self.settings.angle_floor_deg):
+            return True
+        return significance(Link("parallel", i, j), self.surfaces, self.covariances) < CERTAIN
+
     def length_tolerance(self, error: float, cap: float = LENGTH_CAP, between: tuple[int, ...] = ()) -> float:
         """Largest difference of two lengths that counts as none, for their joint standard deviation.
 
@@ -79,7 +89,7 @@ def directions(state: State) -> list[Link]:
     links = []
     for i in having:
         near = [(direction_angle(state.surfaces[h], state.surfaces[i]), h) for h in heads]
-        fitting = [(a, h) for a, h in near if a < state.angle_tolerance(h, i)]
+        fitting = [(a, h) for a, h in near if a < state.angle_tolerance(h, i) and state.may_be_parallel(h, i, a)]
         if fitting:
             links.append(Link("parallel", min(fitting)[1], i))
         else:
