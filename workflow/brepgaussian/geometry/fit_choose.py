@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from brepgaussian.geometry.fit_refine import PARAMETERS
 from brepgaussian.geometry.fit_robust import fit_robust, residuals
 from brepgaussian.geometry.fit_start import MINIMUM
-from brepgaussian.geometry.independence import observations, own_share, shared_errors
+from brepgaussian.geometry.independence import observations, own_among, shared_errors
 from brepgaussian.geometry.surfaces import KINDS, Surface
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def choose(
     spreads = np.array([misfit(f[1], points, normals) for f in found.values()])
     if own > 0:
         surface = list(found.values())[int(np.argmin(spreads.prod(axis=1)))][1]
-        own = min(own, own_share(*shared_errors(surface, points, CUT * max(surface.rms(points), sigma))))
+        own = own_among(own, *shared_errors(surface, points, CUT * max(surface.rms(points), sigma)))
         count = observations(len(points), own, EFFECTIVE)
     floors = noise_floors(sigma, normal_sigma, spreads, own)
     costs = {k: description_length(f[1], points, normals, *floors, effective=count) for k, f in found.items()}

@@ -34,7 +34,20 @@ def shared_errors(surface: Surface, points: Array, cut: float) -> tuple[float, i
 
 def own_share(shared: float, points: int) -> float:
     """Share of the errors that is every point's own, 0..1, for their correlation: not more than chance leaves sure."""
-    return 1 - float(np.clip((shared + 1 / np.sqrt(BESIDE * max(points, 1))) / SLOW, 0.0, 1.0))
+    return 1 - float(np.clip((shared + _chance(points)) / SLOW, 0.0, 1.0))
+
+
+def own_among(own: float, shared: float, points: int) -> float:
+    """Share of one patch's own errors in a cloud that has `own`: less only if the patch's correlation shows it surely.
+
+    Few points tell little of their correlation, and the cloud's other patches tell more.
+    """
+    return min(own, 1 - float(np.clip((shared - _chance(points)) / SLOW, 0.0, 1.0)))
+
+
+def _chance(points: int) -> float:
+    """Standard deviation of the correlation of independent errors."""
+    return float(1 / np.sqrt(BESIDE * max(points, 1)))
 
 
 def observations(points: int, own: float, least: int) -> float:

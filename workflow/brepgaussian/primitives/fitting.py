@@ -62,10 +62,18 @@ def fit_labels(cloud: Cloud, settings: PrimitivesSettings) -> tuple[list[Patch],
     guess = Noise(settings.sigma_floor, TURN_FLOOR)
     simple = dataclasses.replace(settings, kinds=SIMPLE)
     first = [fit_members((label,), np.concatenate(part), cloud, guess, simple) for label, part in pieces.items()]
-    noise = measure_noise([p for p in first if p is not None], cloud, settings)
-    patches: list[Patch] = []
-    for label, part in pieces.items():
-        patches += _fit_label(label, part, cloud, noise, settings)
+    before = measure_noise([p for p in first if p is not None], cloud, settings)
+    patches, noise = _fit_pieces(pieces, cloud, before, settings)
+    if noise.own > before.own:  # what simple kinds do not explain looked like smooth errors
+        patches, noise = _fit_pieces(pieces, cloud, noise, settings)
+    return patches, noise
+
+
+def _fit_pieces(
+    pieces: dict[int, list[Indices]], cloud: Cloud, noise: Noise, settings: PrimitivesSettings
+) -> tuple[list[Patch], Noise]:
+    """Patches of the labels' pieces, fitted with some noise, and the noise that they show."""
+    patches = [p for label, part in pieces.items() for p in _fit_label(label, part, cloud, noise, settings)]
     return patches, measure_noise(patches, cloud, settings)
 
 

@@ -43,6 +43,7 @@ FACING = np.radians(20.0)  # largest angle of a patch's mean normal from a direc
 ACROSS = np.radians(30.0)  # largest median angle of normals from the plane across a cylinder's direction
 # Free parameters of what may be tried, and the columns of the local parameters that they are.
 ALONG = {"cylinder": (0, 1, 4), "cone": (0, 1, 4, 5)}
+WALL = 2.0  # free parameters of a plane along a known direction: its turn about it and its height
 SIBLING = (0, 1)  # a cylinder of known radius and direction, as the holes of a bolt circle
 ABOUT = {"cylinder": (4,), "cone": (4, 5), "torus": (2, 5, 6), "sphere": (3,)}
 
@@ -113,7 +114,7 @@ def guide(
 def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> Surface:
     some = thinned(clear_of_edges(cloud, patch.members), settings.sample)
     points, normals = cloud.xyz[some], cloud.normals[some]
-    candidates = [(patch.surface, price(patch.surface), 1)]
+    candidates = [(patch.surface, price(patch.surface), 1), *_along(patch.surface, sources)]
     for start, free, choices in _starts(points, normals, sources):
         if start.kind not in settings.kinds:
             continue
@@ -138,6 +139,17 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
         for s, price, choices in candidates
     ]
     return candidates[int(np.argmin(costs))][0]
+
+
+def _along(surface: Surface, sources: Known) -> Iterator[tuple[Surface, float, int]]:
+    """A plane turned until a known direction runs along it, with its free parameters, and among how many it is chosen.
+
+    Its turn about the direction and its height are those of the free fit.
+    """
+    for direction in sources.directions if surface.kind == "plane" else ():
+        lean = float(surface.axis @ direction)
+        if abs(lean) < np.sin(FACING):
+            yield plane(surface.origin, surface.axis - lean * direction), WALL, len(sources.directions)
 
 
 def _starts(points: Array, normals: Array, sources: Known) -> Iterator[tuple[Surface, tuple[int, ...], int]]:

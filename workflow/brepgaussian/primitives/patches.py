@@ -12,7 +12,7 @@ from brepgaussian.artifacts.points import Points
 from brepgaussian.geometry import independence
 from brepgaussian.geometry.fit import residuals
 from brepgaussian.geometry.fit_choose import CUT, EFFECTIVE, JUDGED, KEPT, TRIMMED
-from brepgaussian.geometry.independence import own_share, shared_errors
+from brepgaussian.geometry.independence import own_among, shared_errors
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ def own_errors(patch: Patch, cloud: Cloud, noise: Noise) -> float:
     if noise.own == 0 or len(patch.members) < JUDGED:
         return 0.0
     cut = CUT * max(noise.distance, patch.rms)
-    return min(noise.own, own_share(*shared_errors(patch.surface, cloud.xyz[patch.members], cut)))
+    return own_among(noise.own, *shared_errors(patch.surface, cloud.xyz[patch.members], cut))
 
 
 def observations(patch: Patch, cloud: Cloud, noise: Noise) -> float:

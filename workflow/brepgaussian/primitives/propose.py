@@ -70,7 +70,8 @@ class State:
         """
         if angle < np.radians(self.settings.angle_floor_deg):
             return True
-        return significance(Link("parallel", i, j), self.surfaces, self.covariances) < CERTAIN
+        two = np.sqrt(2) * significance(Link("parallel", i, j), self.surfaces, self.covariances)  # both angles together
+        return two < CERTAIN
 
     def length_tolerance(self, error: float, cap: float = LENGTH_CAP, between: tuple[int, ...] = ()) -> float:
         """Largest difference of two lengths that counts as none, for their joint standard deviation.
