@@ -256,6 +256,15 @@ def test_an_end_that_no_rim_tells_goes_along_the_walls_of_the_other():
     assert agreed([near, far_end(near, raster(section.grown(4.0)))])[1].section is None
 
 
+def test_a_recess_about_a_hub_does_not_get_the_walls_of_the_hubs_bore():
+    """The bore is open wherever the recess is looked into, so that it borders the recess's outline, too."""
+    bore = Section(CENTER, 0.0, Rounded((8.0, 8.0), 8.0), at_rim=True)
+    near = replace(prism_of(bore), section=bore)
+    recess = raster(bore.grown(25.0)) & ~raster(bore.grown(6.0)) | raster(bore)
+    assert agreed([near, replace(near, outline=recess, section=None)])[1].section is None
+    assert agreed([near, far_end(near, recess)])[1].section is None
+
+
 def rim_seen(section: Section, height: float, views: int = 12) -> tuple[Stack, np.ndarray]:
     """What cameras around an opening show on a lattice that lies `height` cells below the plane; their centres.
 

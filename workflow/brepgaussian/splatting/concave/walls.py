@@ -110,9 +110,11 @@ def _like(prism: Prism, other: Prism) -> Prism:
 
 
 def _fits(prism: Prism) -> bool:
-    """Whether a concavity's section goes along its outline of cells."""
-    outline = replace(prism, section=None)
-    return bool(np.abs(outline.lateral(_drawing(prism).border(_SAMPLES))).max() < MOST_FAR * prism.lattice.pitch)
+    """Whether a concavity's section goes along its outline of cells, and holds all of it."""
+    outline, section = replace(prism, section=None), _drawing(prism)
+    along = np.abs(outline.lateral(section.border(_SAMPLES))).max() < MOST_FAR * prism.lattice.pitch
+    # a bore is open wherever the recess about its hub is looked into, and its border one of the recess's
+    return bool(along and section.signed_distance(np.argwhere(prism.outline).astype(float)).max() < MOST_FAR)
 
 
 def _holes(prisms: Sequence[Prism]) -> dict[int, int]:
