@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import carve, shorten, widening
-from brepgaussian.splatting.concave.join import joined, told_once
+from brepgaussian.splatting.concave.join import in_line, joined, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.sweep import cuts
 from brepgaussian.splatting.concave.volume import Volume
@@ -107,6 +107,44 @@ def test_a_crooked_far_mouth_is_the_same_hole(lean, kept):
     assert len(found) == kept
     assert found[-1] is straight
     assert len(told_once([crooked], [straight], 0.02)) == kept - 1  # what is known stays
+
+
+def lidded(prism):
+    return prism, prism.lattice.centers()[prism.outline]
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.11, 0.3])
+def test_a_cross_hole_in_a_cone_runs_along_the_line_through_both_mouths(lean):
+    """The cone's sides lean, and what is found under them leans as much, down from both."""
+    ends = [hole([0, sign, -lean], [0.5, 0.5 + 0.25 * sign, 0.4], 0.2, error=0.1, through=False) for sign in (1, -1)]
+    ends = [replace(end, endless=True) for end in ends]
+    asked = []
+
+    def again(lid, way):
+        asked.append(way)
+        return [lidded(replace(hole(way, lid.mean(axis=0), 0.5, error=0.1 - 0.02 * len(asked)), endless=True))]
+
+    (bore,) = in_line([lidded(end) for end in ends], again)
+    np.testing.assert_allclose(np.abs(bore.lattice.normal), [0, 1, 0], atol=0.015)  # half a cell
+    assert bore.through
+    assert bore.depth == pytest.approx(0.5, abs=1e-3)
+    assert len(asked) == (2 if lean else 0)  # parallel faces have told the direction
+    if lean:
+        assert bore.error == pytest.approx(0.06)  # the end that is told better
+
+
+@pytest.mark.parametrize("other", ["floor", "wide", "steep", "nothing again", "a floor again"])
+def test_what_may_not_be_two_ends_of_one_hole_stays_two(other):
+    slope = 0.7 if other == "steep" else 0.11
+    first = replace(hole([0, 1, -slope], [0.5, 0.75, 0.4], 0.2, through=False), endless=True)
+    second = hole([0, -1, -slope], [0.5, 0.25, 0.4], 0.2, radius=0.09 if other == "wide" else 0.06, through=False)
+    second = replace(second, endless=other != "floor")
+
+    def again(lid, way):
+        looked = lidded(hole(way, lid.mean(axis=0), 0.1, through=False))
+        return [] if other == "nothing again" else [looked]
+
+    assert in_line([lidded(first), lidded(second)], again) == [first, second]
 
 
 @pytest.mark.parametrize(("lumen", "goes_on"), [(0.0, False), (0.04, True)], ids=["a whole wall", "a pierced one"])

@@ -114,13 +114,14 @@ def score(data: bytes, truth: Truth) -> dict[str, Any]:
 
     shape = occ.from_bytes(data)
     counts = count_topology(shape)
+    valid = solid.is_valid(shape)  # of the solid itself: BRepCheck judges a triangulation, too
     occ.tessellate(shape, _DEFLECTION, 0.2)
     nodes, triangles, _ = occ.mesh_of(shape)
     none: NDArray[np.float64] = np.zeros((0, 3))
     ours = SampledSurface(nodes, triangles.astype(np.int32), none, none, 1)
     theirs = SampledSurface(truth.mesh_vertices, truth.mesh_triangles, none, none, 1)
     return {
-        "valid": solid.is_valid(shape),
+        "valid": valid,
         "closed": solid.free_edges(shape) == 0,
         "topology_match": topology_match(counts.face_types, counts.face_pairs, truth.face_types, truth.face_pairs),
         "volume_iou": round(volume_iou(ours, theirs, _IOU_GRID, 0), 5),

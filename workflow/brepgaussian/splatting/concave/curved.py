@@ -89,8 +89,8 @@ def _connected(points: Array, reach: float) -> list[NDArray[np.int64]]:
     return sorted((g for g in groups if len(g) >= _LEAST_PLACES), key=lambda g: (-len(g), int(g[0])))
 
 
-def spot_around(members: Array, scene: Scene, cell: float, pitch: float) -> Spot | None:
-    """A lattice over places (N, 3) that are no surface, square to the face around them.
+def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing: Array | None = None) -> Spot | None:
+    """A lattice over places (N, 3) that are no surface, square to the face around them, or to a direction `facing`.
 
     None if nothing smooth surrounds them, or only a plane. Other arguments are those of `spots`.
     """
@@ -99,9 +99,9 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float) -> Spot
     radii, along = _extent(members - center, cell)
     reach = radii + (_REACH - 1) * radii.min() + _MARGIN_CELLS * pitch
     wide = reach + (np.sqrt(2) - 1) * reach.min()
-    normal = normals[cKDTree(vertices).query(members)[1]].mean(axis=0)
+    normal = normals[cKDTree(vertices).query(members)[1]].mean(axis=0) if facing is None else facing
     axes, local, height = np.eye(3), np.empty((0, 3)), None
-    for _ in range(_TURNS):
+    for _ in range(_TURNS if facing is None else 1):
         normal /= np.linalg.norm(normal)
         axes = _frame(normal, along)
         local = (vertices - center) @ axes
@@ -110,7 +110,8 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float) -> Spot
         height = _Polynomial.through(local, reach, cell)
         if height is None:
             return None
-        normal = normal - axes[:, :2] @ height.slope_at_origin()
+        if facing is None:
+            normal = normal - axes[:, :2] @ height.slope_at_origin()
     if height is None:
         return None
     on_it = np.abs(local[:, 2] - height(local[:, 0], local[:, 1])) < cell

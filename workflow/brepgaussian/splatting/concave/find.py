@@ -10,6 +10,7 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
+from brepgaussian.splatting.concave.join import in_line
 from brepgaussian.splatting.concave.mouths import completed
 from brepgaussian.splatting.concave.openings import (
     Images,
@@ -74,20 +75,30 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
         free[scene.triangles[region.triangles].ravel()] = False
     for prism in known:
         free &= np.abs(prism.signed_distance(scene.vertices, 2 * cell)) > 2 * cell
-    found: list[Prism] = []
+
+    def under(places: Array, facing: Array | None = None) -> list[tuple[Prism, Array]]:
+        square = spot_around(places, scene, cell, pitch, facing)
+        if square is None:
+            return []
+        stack = rectify(images, scene, square.lattice, square.relief)
+        deep = square.relief + _LEAST_CURVED_CELLS * pitch
+        prisms = [prism for prism, _ in _concavities(images, scene, stack, centered=True)]
+        return [(p, stack.surface()[p.outline]) for p in prisms if p.depth > deep[p.outline].max()]
+
+    found: list[tuple[Prism, Array]] = []  # with the places of its lid
     for spot in spots(images, scene, free, cell, pitch, width):
         stack = rectify(images, scene, spot.lattice, spot.relief)
         for outline in openings(stack, width**2):
             places = stack.surface()[outline]
-            if not is_framed(stack, outline) or _is_open(places, scene, [*known, *found], cell, pitch):
+            if not is_framed(stack, outline) or _is_open(places, scene, [*known, *_prisms(found)], cell, pitch):
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
-            square = spot_around(places, scene, cell, pitch)
-            if square is not None:
-                again = rectify(images, scene, square.lattice, square.relief)
-                under = _concavities(images, scene, again, centered=True)
-                found += [p for p, _ in under if p.depth - square.relief[p.outline].max() > _LEAST_CURVED_CELLS * pitch]
-    return found
+            found += under(places)
+    return in_line(found, under)
+
+
+def _prisms(found: Sequence[tuple[Prism, Array]]) -> list[Prism]:
+    return [prism for prism, _ in found]
 
 
 def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, pitch: float) -> bool:

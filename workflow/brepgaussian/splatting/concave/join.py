@@ -4,8 +4,9 @@ A hole too long to be seen through shows the same outline on both sides, and no 
 face around it may hide on one side, not on both.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 
 Array = NDArray[np.float64]
+Lidded = tuple[Prism, Array]
 
 _OPPOSITE = 0.999  # cosine of 2.5 degrees
 _SAME_AREA = 1.5  # ratio of two outlines of one hole
@@ -47,6 +49,53 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
                 if wider > tolerance:
                     left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
     return left
+
+
+def in_line(found: Sequence[Lidded], again: Callable[[Array, Array], Sequence[Lidded]]) -> list[Prism]:
+    """Concavities in curved faces; two that face each other and have no floor are one hole along the line of both.
+
+    A face's normal is the direction of a hole only where the face on its other side is parallel: in a cone both ends
+    lean, so they are looked at once more along that line. The end that is told better stays.
+
+    Args:
+        found: concavities of one hull, each with the places (N, 3) of its lid.
+        again: what lies under a lid's places in a direction (3,), from the solid to who looks; best told first.
+    """
+    left = dict(enumerate(found))
+    for i, j in combinations(range(len(found)), 2):
+        line = _line(left[i], left[j]) if i in left and j in left else None
+        if line is None:
+            continue
+        ends = left[i], left[j]
+        if min(_facing(line, *ends)) < _OPPOSITE:
+            looked = [next(iter(again(lid, way)), None) for (_, lid), way in zip(ends, (line, -line), strict=True)]
+            if any(end is None or not _has_no_floor(end[0]) for end in looked):
+                continue
+            ends = looked[0] or ends[0], looked[1] or ends[1]
+        near, far = sorted((prism for prism, _ in ends), key=lambda prism: prism.error)
+        left[i] = replace(near, depth=_distance(near, far), through=True), ends[0][1]
+        del left[j]
+    return [prism for prism, _ in left.values()]
+
+
+def _line(first: Lidded, second: Lidded) -> Array | None:
+    """(3,) unit direction from the second lid to the first, if they may be two ends of one hole."""
+    areas = sorted((first[0].area, second[0].area))
+    if not (_has_no_floor(first[0]) and _has_no_floor(second[0])) or areas[1] > _SAME_AREA * areas[0]:
+        return None
+    line = first[1].mean(axis=0) - second[1].mean(axis=0)
+    line /= np.linalg.norm(line)
+    return line if min(_facing(line, first, second)) > _LEANING else None
+
+
+def _facing(line: Array, first: Lidded, second: Lidded) -> tuple[float, float]:
+    """Cosines between a line and the directions in which two concavities open, the second one against it."""
+    return float(line @ first[0].lattice.normal), -float(line @ second[0].lattice.normal)
+
+
+def _has_no_floor(prism: Prism) -> bool:
+    """Whether a concavity is straight, and may go through."""
+    return (prism.endless or prism.through) and not any(prism.tilt) and not prism.tapered
 
 
 def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) -> list[Prism]:
