@@ -173,7 +173,7 @@ def test_views_judge_openings_in_curved_faces(monkeypatch, said, opened):
     monkeypatch.setattr(carve, "find_curved", lambda *_: [across])
     monkeypatch.setattr(carve, "drawn", lambda images, scene, hull, prism, margin: prism)
     monkeypatch.setattr(carve, "disagreements", lambda *_: said)
-    hull, known = carve.open_concavities(None, shaft)
+    hull, known, _ = carve.open_concavities(None, shaft)
     assert len(known) == opened
     assert (hull.scene().signed_distance(np.array([[0.5, 0.5, 0.6]]))[0] > 0) == opened
 

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
-from brepgaussian.splatting.concave import Images, Plane, Prism, open_channels, open_concavities, open_corners, widen
+from brepgaussian.splatting.concave import (
+    Bend,
+    Images,
+    Plane,
+    Prism,
+    open_channels,
+    open_concavities,
+    open_corners,
+    widen,
+)
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.concave.walls import Walls
 from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
@@ -37,6 +46,7 @@ class Hull:
         spacing: edge of a voxel, unit frame.
         prisms: concavities that were opened although no silhouette shows them.
         fillets: inner edges between planar faces that were rounded.
+        bends: what joins concavities that are the ends of a bent bore.
     """
 
     vertices: NDArray[np.float64]
@@ -45,11 +55,12 @@ class Hull:
     spacing: float
     prisms: tuple[Prism, ...] = ()
     fillets: tuple[Fillet, ...] = ()
+    bends: tuple[Bend, ...] = ()
 
     @cached_property
     def walls(self) -> Walls:
         """Of the concavities that were opened."""
-        return Walls(self.prisms, self.spacing)
+        return Walls(self.prisms, self.spacing, self.bends)
 
 
 def silhouette_distance(alpha: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -112,6 +123,7 @@ def carve(
     faces: list[Face] = []
     prisms: list[Prism] = []
     fillets: list[Fillet] = []
+    bends: list[Bend] = []
     if patches is not None or concavities:
         images = Images.of(views, noise)
         silhouettes_alone = volume
@@ -124,7 +136,7 @@ def carve(
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
             volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
-            volume, more = open_concavities(images, volume)
+            volume, more, bends = open_concavities(images, volume)
             # last: what rays tell goes before what is likely
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, wider = widen(images, volume, planes, more)
@@ -134,9 +146,8 @@ def carve(
             if volume is not before:
                 volume, faces = flatten_faces(images, patches, volume, _sample, faces, True, before.scene())
     vertices, triangles = volume.mesh()
-    return Hull(
-        vertices, triangles, vertex_normals(vertices, triangles), volume.spacing, tuple(prisms), tuple(fillets)
-    ), faces
+    normals = vertex_normals(vertices, triangles)
+    return Hull(vertices, triangles, normals, volume.spacing, tuple(prisms), tuple(fillets), tuple(bends)), faces
 
 
 def _sample(

@@ -6,6 +6,7 @@ depth: a ray that leaves the opening's outline sideways before it reaches the fl
 show the floor. See `docs/splatting.md`.
 """
 
+from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.find import find_prisms
@@ -14,4 +15,14 @@ from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.widening import widen
 
-__all__ = ["Images", "Plane", "Prism", "find_prisms", "open_channels", "open_concavities", "open_corners", "widen"]
+__all__ = [
+    "Bend",
+    "Images",
+    "Plane",
+    "Prism",
+    "find_prisms",
+    "open_channels",
+    "open_concavities",
+    "open_corners",
+    "widen",
+]

@@ -2,6 +2,7 @@
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.bends import Bend, bent, cut
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.openings import Images
@@ -25,14 +26,14 @@ logger = log.get_logger("stage1")
 def open_channels(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
     """Cut a hull at its outer planes, and carry on all along what it leaves empty at one end or at one angle.
 
-    Arguments and results are those of `open_concavities`.
+    Arguments are those of `open_concavities`, as are the first two results.
     """
     hull, _ = flatten(images, hull)
     hull, channels = straighten(images, hull)
     return turn(images, hull), channels
 
 
-def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
+def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism], list[Bend]]:
     """Carve pockets and holes that views show to be open although every silhouette is blind to them.
 
     Args:
@@ -40,9 +41,10 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         hull: what silhouettes leave.
 
     Returns:
-        The opened hull and the concavities.
+        The opened hull, the concavities, and what joins those that are ends of a bent bore.
     """
     known: list[Prism] = []
+    bends: list[Bend] = []
     floors: list[Prism] = []  # those that were not looked at yet
     scene = hull.scene()
     for _ in range(_LEVELS):
@@ -56,9 +58,17 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         for k in fresh:
             known[k] = drawn(images, scene, hull, known[k], margins[k])
         known = agreed(known)
+        straight, found_bends = bent(images, hull, [known[k] for k in fresh], _MARGIN_CELLS * hull.spacing)
+        ends = {k for k, end in zip(fresh, straight, strict=True) if end is not known[k]}
+        for k, prism in zip(fresh, straight, strict=True):
+            known[k] = prism
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
-            known[k] = shortened(images, hull, known[k], margins[k])
+            if k not in ends:
+                known[k] = shortened(images, hull, known[k], margins[k])
             hull = hull.without(known[k], margins[k])
+        for bend in found_bends:
+            hull = cut(hull, bend)
+        bends += found_bends
         scene = hull.scene()
         floors = [known[k] for k in fresh]
         if not floors:
@@ -70,7 +80,7 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]
         if _agreeable(images, scene, after, prism, 2 * hull.spacing):
             hull, scene = opened, after
             known.append(prism)
-    return hull, known
+    return hull, known, bends
 
 
 def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:

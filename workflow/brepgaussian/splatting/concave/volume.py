@@ -1,5 +1,6 @@
 """A solid as a field on a grid: what the hull is carved out of."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,25 +46,39 @@ class Volume:
 
     def without(self, prism: Prism, margin: float) -> "Volume":
         """What is left of it outside of a prism that is longer by `margin`; beyond a few voxels nothing changes."""
+        reach = max(_MARGIN_VOXELS * self.spacing, 2 * prism.lattice.pitch)
+        return self.carved(_ends(prism, margin), reach, lambda points: prism.signed_distance(points, margin))
+
+    def carved(self, extent: Array, reach: float, outside: Callable[[Array], Array]) -> "Volume":
+        """What is left of it outside of a solid.
+
+        Args:
+            extent: (N, 3) places between which the solid lies; farther off than `reach` nothing changes.
+            reach: as said.
+            outside: signed distances of (M, 3) places from the solid, negative within.
+        """
         opened = self.field.copy()
-        part, points = self._box(prism, margin)
-        outside = prism.signed_distance(points, margin).reshape(opened[part].shape)
-        opened[part] = np.minimum(opened[part], outside)
+        part, points = self._box(extent, reach)
+        opened[part] = np.minimum(opened[part], outside(points).reshape(opened[part].shape))
         return self.with_field(opened)
 
-    def _box(self, prism: Prism, margin: float) -> tuple[tuple[slice, ...], Array]:
-        """The part of the grid that holds a prism, and the positions (N, 3) of its nodes."""
-        origin, spacing, lattice = self.origin, self.spacing, prism.lattice
-        cells = lattice.centers()[prism.outline]
-        ends = []
-        for height in (margin, -prism.depth - (margin if prism.through else 0.0)):
-            drift = -height * np.asarray(prism.tilt)
-            ends.append(cells + height * lattice.normal + drift[0] * lattice.first + drift[1] * lattice.second)
-        corners = np.concatenate(ends)
-        reach = max(_MARGIN_VOXELS * spacing, 2 * lattice.pitch)
-        low = np.clip(np.floor((corners.min(axis=0) - reach - origin) / spacing).astype(int), 0, None)
+    def _box(self, extent: Array, reach: float) -> tuple[tuple[slice, ...], Array]:
+        """The part of the grid around some places (N, 3), and the positions (M, 3) of its nodes."""
+        origin, spacing = self.origin, self.spacing
+        low = np.clip(np.floor((extent.min(axis=0) - reach - origin) / spacing).astype(int), 0, None)
         shape = self.field.shape
-        high = np.minimum(np.ceil((corners.max(axis=0) + reach - origin) / spacing).astype(int) + 1, shape)
+        high = np.minimum(np.ceil((extent.max(axis=0) + reach - origin) / spacing).astype(int) + 1, shape)
         part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
         steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
         return part, np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _ends(prism: Prism, margin: float) -> Array:
+    """(N, 3) the cells of a prism's outline at both its ends."""
+    lattice = prism.lattice
+    cells = lattice.centers()[prism.outline]
+    ends = []
+    for height in (margin, -prism.depth - (margin if prism.through else 0.0)):
+        drift = -height * np.asarray(prism.tilt)
+        ends.append(cells + height * lattice.normal + drift[0] * lattice.first + drift[1] * lattice.second)
+    return np.concatenate(ends)

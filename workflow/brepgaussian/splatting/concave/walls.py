@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.draw import MOST_FAR, fitted
 from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
@@ -176,9 +177,9 @@ def _carried(section: Section, start: Lattice, lattice: Lattice) -> Section:
 class Walls:
     """The walls and floors of concavities; which of them are of one hole is found once."""
 
-    def __init__(self, prisms: Sequence[Prism], spacing: float) -> None:
+    def __init__(self, prisms: Sequence[Prism], spacing: float, bends: Sequence[Bend] = ()) -> None:
         """Of concavities in a hull whose voxels have an edge `spacing`; those without a section have no walls."""
-        self._prisms, self._spacing, self._holes = prisms, spacing, _holes(prisms)
+        self._prisms, self._spacing, self._holes, self._bends = prisms, spacing, _holes(prisms), bends
 
     def under(self, centers: NDArray[np.floating], normals: NDArray[np.floating]) -> OnWalls:
         """Find the walls that surfels lie on; where walls compete, the nearest.
@@ -213,6 +214,13 @@ class Walls:
             piece[floor] = k * _NUMBERS + PIECES
             foot[floor], wall[floor] = places[floor] - rise[floor, None] * lattice.normal, lattice.normal
             nearest[floor] = np.abs(rise[floor])
+        for k, bend in enumerate(self._bends, len(prisms)):
+            off, out = bend.wall(places)
+            alike = np.einsum("nc,nc->n", -out, facing) > _ALIKE
+            mine = (bend.signed_distance(places, 0.0) == off) & (np.abs(off) < nearest) & alike
+            piece[mine] = k * _NUMBERS
+            foot[mine], wall[mine] = (places - off[:, None] * out)[mine], -out[mine]
+            nearest[mine] = np.abs(off[mine])
         return OnWalls(piece, foot, wall)
 
 
