@@ -1,12 +1,13 @@
 """The search among attempts: those of other explanations are reported, not chosen from."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.polish import Polished, _left_out
-from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse
+from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse, shape_of
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import WorkerError, WorkerTimeout
 from brepgaussian.settings.brep import BrepSettings
@@ -101,3 +102,21 @@ def test_a_solid_that_leaves_something_out_replaces_none_that_does_not():
     assert (
         _worse(judged(5, doubts=("patch 3",)), judged(6, accepted=False), settings) == ""
     )  # the images refuse the other
+
+
+def looked_at(doubts):
+    """How many of two other explanations are looked at beside an accepted solid that came from one with doubts."""
+    source = attempt("extended")
+    source = replace(source, verdict=replace(source.verdict, doubts=doubts))
+    refined = judged(6)
+    one = search(source)
+    one.polished[shape_of(source)] = refined
+    left = [explanation(7), explanation(7)]  # of more surfaces than the solid has faces: not worth a try
+    one.others = (left.pop() for _ in range(2))
+    assert one._against_others(refined) == (one, refined)
+    return 2 - len(left)
+
+
+def test_what_the_points_objected_to_is_compared_with_other_explanations_though_the_images_accept_it():
+    assert looked_at(("patch 3 is explained to 12%",)) == 2
+    assert looked_at(()) == 1

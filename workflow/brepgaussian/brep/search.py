@@ -74,11 +74,14 @@ class Search:
     def _against_others(self, best: Polished | None) -> tuple["Search", Polished | None]:
         """The best solid after other explanations of the points were tried, and the search that found it.
 
-        They are tried where no solid is without doubts, or the images refuse it.
+        They are tried where no solid is without doubts, or the images refuse it: one that they accept although the
+        points had objected to it may be right by accident.
         """
         winner: Search = self
         for job in self.others:
-            if self.budget.spent or (best is not None and _beyond_doubt(best, winner.job)):
+            if self.budget.spent or (
+                best is not None and _beyond_doubt(best, winner.job) and not winner._doubted(best)
+            ):
                 break
             if best is not None and _hopeless(job, best):
                 continue
@@ -191,6 +194,11 @@ class Search:
     def _best_judged(self) -> Polished | None:
         """A solid that the images accepted while rungs were tried."""
         return next((p for p in self.polished.values() if p.report.get("accepted")), None)
+
+    def _doubted(self, polished: Polished) -> bool:
+        """Whether the points objected to the solid that a refined one came from, though they may not any more."""
+        sources = {shape for shape, known in self.polished.items() if known is polished}
+        return any(t.verdict.doubts for t in self.tried if t.shape is not None and shape_of(t) in sources)
 
     def _badness(self, polished: Polished) -> float:
         return badness(polished.report, self.job.settings)
