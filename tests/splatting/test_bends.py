@@ -113,6 +113,11 @@ class Silent:
     def __init__(self, against):
         self.against = against
 
+    def hitting(self, scene, at):
+        floor = CORNER - np.array([0, 0, 0.25])  # of the first blind hole
+        assert at(np.array([floor, [0.05, 0.05, 0.05]])).tolist() == [True, False]
+        return self
+
     def costs(self, scene):
         return scene
 

@@ -7,6 +7,7 @@ sides. Two blind holes that meet in a block have no such wall, and stay what the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -122,16 +123,16 @@ def bent(images: Images, hull: Volume, prisms: Sequence[Prism], margin: float) -
         prisms: concavities.
         margin: by which they are cut longer.
     """
-    result, bends, scene = list(prisms), [], hull.scene()
+    result, bends = list(prisms), []
     for i, j in combinations(range(len(result)), 2):
         elbow = elbow_of(result[i], result[j])
-        begins = None if elbow is None else _best(scene, elbow)
+        begins = None if elbow is None else _best(hull.scene(), elbow)
         if elbow is None or begins is None:
             continue
         bend, blind = elbow.bend(begins), [result[i], result[j]]
         straight = _shortened(blind, elbow, begins)
         old, new = _without(hull, blind, margin).scene(), cut(_without(hull, straight, margin), bend).scene()
-        rays = rays_at_object(images)
+        rays = rays_at_object(images).hitting(old, partial(_near, blind, margin, 2 * hull.spacing))
         against = rays.advantage(rays.costs(new), rays.costs(old))
         logger.info(
             "bent bore of radius %.4f, bend %.4f: rays are against it by %.1f standard errors%s",
@@ -219,6 +220,11 @@ def _is_pipe(scene: Scene, bend: Bend) -> bool:
 def _shortened(ends: Sequence[Prism], elbow: Elbow, begins: float) -> list[Prism]:
     """The straight ends of a bore whose bend begins some distance before the corner."""
     return [replace(end, depth=length - begins, through=True) for end, length in zip(ends, elbow.straight, strict=True)]
+
+
+def _near(prisms: Sequence[Prism], margin: float, reach: float, points: Array) -> NDArray[np.bool_]:
+    """(N,) whether places (N, 3) lie in concavities, or on their walls and floors."""
+    return np.asarray(np.min([prism.signed_distance(points, margin) for prism in prisms], axis=0) < reach)
 
 
 def _without(hull: Volume, prisms: Sequence[Prism], margin: float) -> Volume:
