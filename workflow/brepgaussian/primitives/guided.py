@@ -22,11 +22,12 @@ from brepgaussian.geometry.fit import (
     plausible,
     torus_about,
 )
-from brepgaussian.geometry.fit_choose import noise_floors, price
+from brepgaussian.geometry.fit_choose import EFFECTIVE, noise_floors, price
 from brepgaussian.geometry.fit_refine import PARAMETERS
+from brepgaussian.geometry.independence import observations
 from brepgaussian.geometry.surfaces import Surface, plane, sphere
 from brepgaussian.log import get_logger
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, clear_of_edges, observations, own_errors, thinned
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, clear_of_edges, own_errors, thinned
 from brepgaussian.primitives.propose import State
 from brepgaussian.primitives.relations import axis_gap
 from brepgaussian.settings.primitives import PrimitivesSettings
@@ -132,8 +133,9 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
         patch = patch.on(best, cloud)
         # where points tell kinds apart, none is likelier because few of its sort are known
         candidates = [(s, price, len(candidates)) for s, price, _ in candidates]
-    count = min(observations(patch, cloud, noise), len(points))
-    floors = noise_floors(noise.distance, noise.turn, misfits, own_errors(patch, cloud, noise))
+    own = own_errors(patch, cloud, noise)
+    count = min(observations(len(patch.members), own, EFFECTIVE), len(points))
+    floors = noise_floors(noise.distance, noise.turn, misfits, own)
     costs = [
         data_length(s, points, normals, *floors, count=count) + price * np.log(max(count, 2)) + 2 * np.log(choices)
         for s, price, choices in candidates

@@ -55,9 +55,12 @@ class Bend:
 
     def signed_distance(self, points: Array, overlap: float) -> Array:
         """(N,) distance of points (N, 3) from its wall, negative inside; its ends are longer by `overlap`."""
+        return np.maximum(self.wall(points)[0], self.past_ends(points) - overlap)
+
+    def past_ends(self, points: Array) -> Array:
+        """(N,) how far points (N, 3) lie past the nearer of its ends, negative between them."""
         offset = points - self.center
-        beyond = np.maximum(offset @ self.first, offset @ self.second) - overlap
-        return np.asarray(np.maximum(self.wall(points)[0], beyond), float)
+        return np.asarray(np.maximum(offset @ self.first, offset @ self.second), float)
 
     def wall(self, points: Array) -> tuple[Array, Array]:
         """(N,) distance of points (N, 3) from the wall of the whole ring, negative inside; (N, 3) unit, out of it."""

@@ -69,9 +69,10 @@ def in_line(found: Sequence[Lidded], again: Callable[[Array, Array], Sequence[Li
         ends = left[i], left[j]
         if min(_facing(line, *ends)) < _OPPOSITE:
             looked = [next(iter(again(lid, way)), None) for (_, lid), way in zip(ends, (line, -line), strict=True)]
-            if any(end is None or not _has_no_floor(end[0]) for end in looked):
+            open_ends = [end for end in looked if end is not None and _has_no_floor(end[0])]
+            if len(open_ends) < len(ends):
                 continue
-            ends = looked[0] or ends[0], looked[1] or ends[1]
+            ends = open_ends[0], open_ends[1]
         near, far = sorted((prism for prism, _ in ends), key=lambda prism: prism.error)
         left[i] = replace(near, depth=_distance(near, far), through=True), ends[0][1]
         del left[j]

@@ -53,8 +53,8 @@ class Volume:
         """What is left of it outside of a solid.
 
         Args:
-            extent: (N, 3) places between which the solid lies; farther off than `reach` nothing changes.
-            reach: as said.
+            extent: (N, 3) places between which the solid lies.
+            reach: how far around them the field follows it, unit frame; farther off nothing changes.
             outside: signed distances of (M, 3) places from the solid, negative within.
         """
         opened = self.field.copy()

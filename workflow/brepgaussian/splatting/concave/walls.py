@@ -217,7 +217,7 @@ class Walls:
         for k, bend in enumerate(self._bends, len(prisms)):
             off, out = bend.wall(places)
             alike = np.einsum("nc,nc->n", -out, facing) > _ALIKE
-            mine = (bend.signed_distance(places, 0.0) == off) & (np.abs(off) < nearest) & alike
+            mine = (bend.past_ends(places) <= off) & (np.abs(off) < nearest) & alike
             piece[mine] = k * _NUMBERS
             foot[mine], wall[mine] = (places - off[:, None] * out)[mine], -out[mine]
             nearest[mine] = np.abs(off[mine])
