@@ -85,6 +85,19 @@ def test_the_refined_surface_tells_what_rounded_points_do_not(block, taper, kind
         assert found[0].radius == pytest.approx(hole.surface.radius, abs=1e-3)
 
 
+@pytest.mark.parametrize(("apart", "merged"), [(0.0005, True), (0.012, False)])
+def test_pieces_that_points_bend_are_one_face_where_the_images_made_them_one_surface(block, apart, merged):
+    patches = patches_of(block)
+    whole = patches[5]
+    lean = plane(whole.surface.origin, whole.surface.axis + np.array([0.3, 0, 0]))
+    first, second = split(whole, 0.5)
+    patches[5:6] = first, replace(second, xyz=lean.project(second.xyz), surface=lean)
+    assert (5, 6) not in [c.gone for c in proposals(patches, SIGMA, 0)]
+    shifted = plane(whole.surface.origin + apart * whole.surface.axis, whole.surface.axis)
+    refined = [whole.surface if k == 5 else shifted if k == 6 else p.surface for k, p in enumerate(patches)]
+    assert ((5, 6) in [c.gone for c in proposals(patches, SIGMA / 2, 0, refined)]) == merged
+
+
 @pytest.mark.parametrize(("off", "count", "proposed"), [(0.008, 40, True), (0.03, 40, False), (0.008, 400, False)])
 def test_only_a_tiny_patch_beside_others_may_be_a_rounded_inner_edge(block, off, count, proposed):
     patches = patches_of(block)

@@ -29,7 +29,7 @@ SIMPLER = {
 COMPLEXITY = {"plane": 0, "cylinder": 1, "sphere": 1, "cone": 2, "torus": 3}
 _QUANTILE = 0.7  # of distances: the rest may be wrong labels and rounded-off borders
 _SIGMAS = 3.0  # noises, or own distances, within which the simpler surface must explain a patch
-_WITHIN = 1.5  # noises that a simpler surface may be off the one that the images have refined
+_WITHIN = 1.5  # noises that a simpler surface may be off those that the images have refined
 _TURN = np.cos(np.radians(20.0))  # and its normals agree with those of the points, in the median
 _TOUCH = 2.0  # of reach: patches this near to each other are neighbours
 _MOST_FITTED = 1500  # points of a patch that a proposal is fitted to
@@ -62,14 +62,17 @@ def proposals(patches: Sequence[Patch], noise: float, seed: int, refined: Sequen
         noise: of the points.
         seed: of the fits.
         refined: the patches' surfaces as the images have them: a cone that tapers less than the noise is a cylinder,
-            although points that are rounded off at one end are not.
+            although points that are rounded off at one end are not; two pieces whose points bend are one face.
     """
     rng = np.random.default_rng(seed)
     kinds = list(_kinds(patches, noise, rng))
     known = {i for change in kinds for i in change.gone}
     moved = [_on(patch, surface) for patch, surface in zip(patches, refined, strict=False)]
     straight = [c for c in _kinds(moved, noise, rng, _WITHIN) if c.gone[0] not in known]
-    return [*_merges(patches, noise, rng), *kinds, *straight, *_drops(patches, noise)]
+    merges = list(_merges(patches, noise, rng))
+    paired = {change.gone for change in merges}
+    same = [c for c in _merges(moved, noise, rng, _WITHIN) if c.gone not in paired]
+    return [*merges, *same, *kinds, *straight, *_drops(patches, noise)]
 
 
 def _on(patch: Patch, surface: Surface) -> Patch:
@@ -114,7 +117,9 @@ def complexity(surfaces: Sequence[Surface], faces: Sequence[int]) -> tuple[int, 
     return len(faces), sum(COMPLEXITY[surfaces[i].kind] for i in set(faces) if i >= 0)
 
 
-def _merges(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
+def _merges(
+    patches: Sequence[Patch], noise: float, rng: np.random.Generator, sigmas: float = _SIGMAS
+) -> Iterator[Change]:
     """Neighbours that one surface explains, best first."""
     found: list[tuple[float, Change]] = []
     trees = [cKDTree(p.xyz) for p in patches]
@@ -127,7 +132,7 @@ def _merges(patches: Sequence[Patch], noise: float, rng: np.random.Generator) ->
         first = patches[large].surface.kind
         for kind in (*SIMPLER[first], first, patches[small].surface.kind):
             surface = _fitted(kind, pair, noise, rng)
-            if surface is not None and all(_explains(surface, p, noise) for p in pair):
+            if surface is not None and all(_explains(surface, p, noise, sigmas) for p in pair):
                 names = tuple(sorted((i, j)))
                 cost = max(_typical(surface, p) / max(noise, 1e-9) for p in pair)
                 name = f"patches {patches[names[0]].primitive} and {patches[names[1]].primitive} as one {kind}"
