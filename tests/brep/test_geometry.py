@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from brepgaussian.brep.borders import border_points, open_points
+from brepgaussian.brep.borders import border_points, continuing, open_points
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.chart import TURN, chart_of, largest_gap
 from brepgaussian.brep.patches import Patch, make_patches
@@ -78,6 +78,50 @@ def test_fillet_ends_exactly_where_it_is_tangent():
     assert touching == {(0.0, 0.2), (0.2, 0.0)}
     assert sheet.limits[2] < 0
     assert sheet.limits[3] > 1
+
+
+def quarter_and_wall(down_to):
+    """A rounding of 90 degrees whose points end after 50, and the wall that it touches, without its first part."""
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(np.pi, np.pi + np.radians(50), 800)
+    xyz = np.column_stack([0.2 + 0.2 * np.cos(angle), 0.2 + 0.2 * np.sin(angle), rng.random(800)])
+    wall = rng.random((600, 3))
+    wall[:, 1], wall[:, 0] = 0, down_to + (1 - down_to) * wall[:, 0]
+    rounding = patch_of(cylinder([0.2, 0.2, 0.0], Z, 0.2), xyz)
+    return [rounding, patch_of(plane([0, 0, 0], [0, -1, 0]), wall)]
+
+
+def test_an_extended_rounding_ends_where_the_extended_wall_touches_it():
+    patches = quarter_and_wall(0.5)
+    assert make_sheet(0, patches, 0.04, {0}).limits[1] == TURN  # nothing is known of what lies beyond
+    sheet = make_sheet(0, patches, 0.04, {0, 1})
+    end = sheet.chart.evaluate(np.array(sheet.limits[1:2]), np.array([0.5]))[0]
+    np.testing.assert_allclose(end, [0.2, 0.0, end[2]], atol=1e-7)
+    touched = make_sheet(1, quarter_and_wall(0.25), 0.04, {0, 1})
+    x = touched.chart.evaluate(*touched.polygon.T)[:, 0]
+    assert x.min() == pytest.approx(0.2, abs=1e-9)
+
+
+@pytest.mark.parametrize(("missing", "found"), [(False, []), (True, [2])])
+def test_half_a_chamfer_goes_on_where_its_neighbours_are_open(missing, found):
+    rng = np.random.default_rng(4)
+    angle, height = rng.uniform(0, TURN, 9000), rng.random(9000)
+    side = np.column_stack([0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.3 * height])
+    top = 0.28 * np.sqrt(height)
+    lid = np.column_stack([top * np.cos(angle), top * np.sin(angle), np.full(9000, 0.32)])
+    edge = 0.3 - 0.02 * height[:800]
+    turn = angle[:800] / 2 if missing else angle[:800]
+    slope = np.column_stack([edge * np.cos(turn), edge * np.sin(turn), 0.6 - edge])
+    bottom = lid * [1, 1, 0]
+    patches = [
+        patch_of(cylinder(np.zeros(3), Z, 0.3), side, 0.02),
+        patch_of(plane([0, 0, 0.32], Z), lid, 0.02),
+        patch_of(cone([0, 0, 0.3], -Z, 0.3, np.pi / 4), slope, 0.02),
+        patch_of(plane(np.zeros(3), -Z), bottom, 0.02),
+    ]
+    borders = open_points(patches)
+    assert not len(borders[2])
+    assert continuing(patches, borders) == found
 
 
 def test_most_of_a_turn_is_a_full_turn_with_its_seam_in_the_gap():
@@ -181,7 +225,7 @@ def test_an_extended_torus_goes_all_the_way_round():
     u, v = np.meshgrid(np.linspace(0, 2, 40), np.linspace(2.0, 5.5, 30))
     xyz = chart_of(surface).evaluate(u.ravel(), v.ravel())
     patch = Patch(surface, 0, xyz, surface.normals(xyz).copy(), 0.01, 1e-3)
-    sheet = make_sheet(0, [patch], 0.04, extend=True)
+    sheet = make_sheet(0, [patch], 0.04, {0})
     np.testing.assert_allclose(np.diff(sheet.limits)[[0, 2]], 2 * np.pi, atol=1e-12)
     part = make_sheet(0, [patch], 0.04)
     assert np.diff(part.limits)[2] < 5.5

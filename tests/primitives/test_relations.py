@@ -5,6 +5,7 @@ import pytest
 from brepgaussian.artifacts.points import Points
 from brepgaussian.geometry.fit import PARAMETERS, fit, moved
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
+from brepgaussian.primitives.ends import end_at
 from brepgaussian.primitives.patches import Noise, Patch, make_cloud
 from brepgaussian.primitives.propose import State, _back_to_back, directions
 from brepgaussian.primitives.relations import Link, direction_angle
@@ -176,7 +177,7 @@ def test_a_narrow_wall_knows_its_direction_along_its_length(degrees, snapped):
     covariances = [covariance(s, evidence_of(p, 0.005)) for s, p in zip(surfaces, clouds, strict=True)]
     touching = np.zeros((2, 2), bool)
     noise = Noise(0.005, 0.1)
-    state = State(surfaces, covariances, [900, 150], touching, noise, PrimitivesSettings(), [0.005, 0.005])
+    state = State(surfaces, covariances, [900, 150], touching, noise, PrimitivesSettings(), [0.005, 0.005], touching)
     assert direction_angle(*surfaces) < state.angle_tolerance(0, 1)
     assert [(link.kind, link.first, link.second) for link in directions(state)] == (
         [("parallel", 0, 1)] if snapped else []
@@ -190,3 +191,24 @@ def test_a_thin_wall_is_no_tangency():
     assert _back_to_back(cylinder(O + 0.2 * Z, X, 0.2), top)
     assert not _back_to_back(top, cylinder(O - 0.2 * Z, X, 0.2))
     assert not _back_to_back(top, cylinder(O + 0.2 * Z, X, 0.2, flipped=True))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "height", "ends"), [(90, 0.2, True), (70, 0.2, False), (130, 0.2, False), (90, 0.4, False)]
+)
+def test_a_rounding_ends_at_a_wall_of_which_no_point_is_near(degrees, height, ends):
+    """An arc of a cylinder up to where a plane at some height would touch it; the plane's points lie far off."""
+    rng = np.random.default_rng(1)
+    angle = np.radians(rng.uniform(0, degrees, 900))
+    arc = np.column_stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), rng.random(900)])
+    far = np.column_stack([-0.5 - 0.3 * rng.random(900), np.full(900, height), rng.random(900)])
+    xyz = np.concatenate([arc, far]) + 0.0005 * rng.normal(size=(1800, 3))
+    normals = np.concatenate([arc * [5, 5, 0], np.tile([0, 1.0, 0], (900, 1))])
+    label = np.repeat([0, 1], 900).astype(np.int32)
+    data = Points(xyz.astype(np.float32), normals.astype(np.float32), np.zeros(1800, np.float32), label, label * 0 - 1)
+    wall = plane(np.array([0, height, 0]), np.array([0, 1.0, 0]))
+    patches = [
+        Patch((0,), np.arange(900), cylinder(O * 0, Z, 0.2), 0.0005, 0.01),
+        Patch((1,), np.arange(900, 1800), wall, 0.0005, 0.01),
+    ]
+    assert end_at(patches, make_cloud(data, 10)).tolist() == [[False, ends], [ends, False]]

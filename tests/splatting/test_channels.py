@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import carve, shorten, widening
+from brepgaussian.splatting.concave.contours import Chords
 from brepgaussian.splatting.concave.join import in_line, joined, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
-from brepgaussian.splatting.concave.sweep import cuts
+from brepgaussian.splatting.concave.sweep import Cut, _filling, cuts
 from brepgaussian.splatting.concave.volume import Volume
 
 SPACING = 1 / 100
@@ -39,6 +40,36 @@ def test_a_channel_is_told_from_a_bore_across_it_by_its_ends(rise):
     assert (prism.signed_distance(beside, 0.0) > 0).all()
     somewhere = [c for c in found if not c.at_ends]
     assert all((c.prisms[0].signed_distance(beside, 0.0) < 0).any() for c in somewhere)  # they take the bore along
+
+
+@pytest.mark.parametrize(("brim", "deep", "kept"), [(0.02, False, True), (0.02, True, False), (0.0, False, True)])
+def test_a_section_loses_the_brim_that_silhouettes_need(brim, deep, kept):
+    """A slot's section .2 wide, with a brim on either side: rays along the brim have nothing else in their way."""
+    outline = np.zeros((100, 60), bool)
+    outline[40:60, 30:60] = True  # y, z
+    wide = outline.copy()
+    wide[round(40 - 100 * brim) : round(60 + 100 * brim), 55:60] = True
+    lattice = Lattice(
+        np.array([0.9, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), 0.01, wide.shape
+    )
+    y = np.array([0.385, 0.615, *np.linspace(0.42, 0.58, 90)])
+    entry = np.column_stack([np.full(92, 0.2), y, np.full(92, 0.575)])
+    if deep:
+        entry[:40, 1], entry[:40, 2] = 0.5, 0.45
+    only = np.arange(92) < (40 if deep else 2)  # the others have something below the slot in their way, too
+    chords = Chords(
+        np.arange(92),
+        entry,
+        entry + np.where(only, 0.6, 0.9)[:, None] * [1, 0, 0] + np.where(only, 0, -0.5)[:, None] * UP,
+    )
+    cut = Cut((Prism(lattice, wide, 0.8, False, 0.0),), 1e4, True)
+    found = _filling(chords, chords.samples(), cut)
+    assert (found is not None) == kept
+    if found is not None and brim:
+        left = found.prisms[0].outline
+        assert not left[:39].any()
+        assert not left[61:].any()
+        assert (left & outline).sum() > 0.95 * outline.sum()
 
 
 def test_a_channel_goes_on_past_a_slot_across_it():

@@ -109,9 +109,9 @@ def patches_of(job: Job, rung: Rung) -> tuple[Patch, ...]:
 
 def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:
     """The sheets of all patches for one rung."""
-    chosen = set(rung.extend)
     patches = exact(patches)
-    return [make_sheet(i, patches, rung.margin, i in chosen or patches[i].whole) for i in range(len(patches))]
+    extended = {*rung.extend, *(i for i, patch in enumerate(patches) if patch.whole)}
+    return [make_sheet(i, patches, rung.margin, extended) for i in range(len(patches))]
 
 
 def fallback(xyz: Array, normals: Array | None, silhouettes: Silhouettes | None, faces: int, job: Job) -> Attempt:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, touch
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,6 +34,27 @@ def open_points(patches: Sequence[Patch]) -> list[Indices]:
         other = owner[np.where(found, near, 0)] != index
         alone = border[~(found & other).reshape(len(border), -1).any(axis=1)]
         result.append(alone if len(alone) >= _LEAST_OPEN else alone[:0])
+    return result
+
+
+def continuing(patches: Sequence[Patch], borders: Sequence[Indices]) -> list[int]:
+    """Patches that end where their neighbours' open borders begin: their surfaces pass through these.
+
+    Half a chamfer ends in borders too short to be told from stray points; what it leaves open beside it is not.
+    """
+    trees: list[cKDTree | None] = [None] * len(patches)
+    result = []
+    for index, patch in enumerate(patches):
+        for other, border in zip(patches, borders, strict=True):
+            if other is patch or len(border) < _LEAST_OPEN or len(borders[index]):
+                continue
+            off = np.abs(patch.surface.signed_distance(other.xyz[border]))
+            if np.sum(off <= max(patch.reach, other.reach)) < _LEAST_OPEN:
+                continue
+            trees[index] = trees[index] or cKDTree(patch.xyz)
+            if touch(other, patch, tree=trees[index]):
+                result.append(index)
+                break
     return result
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitives
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.borders import open_points
+from brepgaussian.brep.borders import continuing, open_points
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.fillets import rounded
@@ -68,7 +68,7 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
     borders = open_points(patches)
     caps = find_caps(patches, borders, settings.seed)
     ends = np.concatenate([*(p.xyz[b] for p, b in zip(patches, borders, strict=True)), np.zeros((0, 3))])
-    open_patches = tuple(i for i, b in enumerate(borders) if len(b))
+    open_patches = tuple(sorted({*continuing(patches, borders), *(i for i, b in enumerate(borders) if len(b))}))
     get_logger("brep").info("%d patches, open borders at %s, %d caps", len(patches), open_patches, len(caps))
     return Job(tuple(patches), tuple(caps), ends, open_patches, silhouettes, settings)
 

@@ -15,8 +15,12 @@ TANGENT_SINE = 1e-4  # sine of the angle between normals where two surfaces coun
 TANGENT_DISTANCE = 1e-5  # and their distance there, unit frame; the regularised fits are exact to rounding
 
 
-def cut_at_tangents(polygon: Array, chart: Chart, patch: Patch, beside: Sequence[Patch]) -> Array:
+def cut_at_tangents(
+    polygon: Array, chart: Chart, patch: Patch, beside: Sequence[Patch], extended: bool = False
+) -> Array:
     """The outline (K, 2) of a plane sheet without what lies beyond the lines where cylinders touch it.
+
+    The points of an `extended` sheet need not reach the cylinders.
 
     Past such a line plane and cylinder part slowly: what a third face cuts off between them is thinner than the
     noise, and the minimum cut could take either side of it for the part's.
@@ -30,7 +34,7 @@ def cut_at_tangents(polygon: Array, chart: Chart, patch: Patch, beside: Sequence
         here, there = uv @ across - at, chart.parameters(other.xyz) @ across - at
         side = -np.sign(np.median(there))
         beyond = patch.reach + 2 * patch.sigma  # points stray by so much
-        if side and (side * here).min() > -beyond and touch(patch, other):
+        if side and (side * here).min() > -beyond and (extended or touch(patch, other)):
             cut = clip(polygon, -side * across, -side * at)
             polygon = cut if len(cut) >= 3 else polygon
     return polygon

@@ -1,6 +1,6 @@
 """Bounded faces: each primitive as a sheet a little larger than its support, exact at tangent ends."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 BOX = np.array([[-0.1] * 3, [1.1] * 3])  # a sheet of full extent ends here: the unit frame and a rim
 FULL_TURN_GAP = np.radians(100.0)  # a support with a smaller gap is taken as a full turn
 _CLOSED = 2.0  # of reach: a gap as narrow as that between points is none
+_QUARTER = np.pi / 4  # half of the quarter turn beyond its support in which an extended sheet may end
 _SCAN, _LANES, _GOLDEN_STEPS = 25, 5, 60
 
 
@@ -36,12 +37,15 @@ class Sheet:
     polygon: Array | None = None
 
 
-def make_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool = False) -> Sheet:
-    """The sheet of one patch: its support plus `margin`, or all of the unit box if `extend`."""
-    patch = patches[index]
+def make_sheet(index: int, patches: Sequence[Patch], margin: float, extended: Set[int] = frozenset()) -> Sheet:
+    """The sheet of one patch: its support plus `margin`, or all of the unit box if it is one of the `extended`.
+
+    Either ends where a neighbour touches it; a patch that is extended is a neighbour wherever its surface passes.
+    """
+    patch, extend = patches[index], index in extended
     margin += patch.reach  # points end about this far before the patch does
     if patch.surface.kind == "plane":
-        return _plane_sheet(index, patches, margin, extend)
+        return _plane_sheet(index, patches, margin, extended)
     chart, points = _seamed_chart(index, patches)
     uv = chart.parameters(points)
     start_v = 0.0
@@ -53,8 +57,8 @@ def make_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool
     v_range = (float(uv[:, 1].min()), float(uv[:, 1].max()))
     scale_u, scale_v = chart.scale(float(np.median(uv[:, 1])))
     sheet = Sheet(index, chart)
-    u0, u1 = _ends(sheet, patches, 0, u_range, v_range, margin, scale_u)
-    v0, v1 = _ends(sheet, patches, 1, v_range, u_range, margin, scale_v)
+    u0, u1 = _ends(sheet, patches, 0, u_range, v_range, margin, scale_u, extended)
+    v0, v1 = _ends(sheet, patches, 1, v_range, u_range, margin, scale_v, extended)
     around = (TURN - (u_range[1] - u_range[0])) * scale_u < _CLOSED * patch.reach  # wherever its neighbours touch it
     free_u = (u0[1] and u1[1]) or around
     full_u = free_u and (extend or TURN - (u_range[1] - u_range[0]) < FULL_TURN_GAP or u1[0] - u0[0] > TURN)
@@ -107,26 +111,39 @@ def _ends(
     across: tuple[float, float],
     margin: float,
     scale: float,
+    extended: Set[int],
 ) -> tuple[tuple[float, bool], tuple[float, bool]]:
-    """Lower and upper end of one parameter, each with whether it is free (not tangent to a neighbour)."""
+    """Lower and upper end of one parameter, each with whether it is free (not tangent to a neighbour).
+
+    An extended sheet may end up to a quarter turn beyond its support.
+    """
     window = (1.5 * margin + patches[sheet.patch].reach) / scale
     window = min(window, 0.45 * max(own[1] - own[0], 1e-9) + patches[sheet.patch].reach / scale)
     result = []
     for end, outward in ((own[0], -1.0), (own[1], 1.0)):
-        found = _tangent_end(sheet, patches, which, end, window, across)
+        found = _tangent_end(sheet, patches, which, end, window, across, extended)
+        if found is None and which == 0 and sheet.patch in extended:
+            far = end + outward * (window + _QUARTER)
+            found = _tangent_end(sheet, patches, which, far, _QUARTER, across, extended)
         result.append((end + outward * margin / scale, True) if found is None else (found, False))
     return result[0], result[1]
 
 
 def _tangent_end(
-    sheet: Sheet, patches: Sequence[Patch], which: int, end: float, window: float, across: tuple[float, float]
+    sheet: Sheet,
+    patches: Sequence[Patch],
+    which: int,
+    end: float,
+    window: float,
+    across: tuple[float, float],
+    extended: Set[int],
 ) -> float | None:
     """Parameter near `end` along which another patch is tangent to this one; the nearest to `end`."""
     lanes = np.linspace(across[0], across[1], _LANES)
     scan = np.linspace(end - window, end + window, _SCAN)
     best: float | None = None
     length = window * max(sheet.chart.scale(v)[which] for v in (across if which == 0 else (end - window, end + window)))
-    for other_index in _beside(patches, sheet.patch, length):
+    for other_index in sorted({*_beside(patches, sheet.patch, length), *extended} - {sheet.patch}):
         other = patches[other_index]
         sines = _sine(sheet, other, which, scan, lanes)
         least = int(np.argmin(sines))
@@ -143,7 +160,8 @@ def _tangent_end(
         if np.abs(other.surface.signed_distance(line)).max() > TANGENT_DISTANCE:
             continue
         reach = 2 * max(other.reach, patches[sheet.patch].reach)
-        if np.linalg.norm(other.xyz[:, None] - line, axis=2).min() > reach + 2 * other.sigma:
+        elsewhere = np.linalg.norm(other.xyz[:, None] - line, axis=2).min() > reach + 2 * other.sigma
+        if elsewhere and other_index not in extended:
             continue  # the same surface elsewhere
         if best is None or abs(at - end) < abs(best - end):
             best = at
@@ -229,12 +247,12 @@ def _box_range(patch: Patch) -> tuple[float, float]:
     return max(float(along.min() / slant), -far), min(float(along.max() / slant), far)
 
 
-def _plane_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bool) -> Sheet:
+def _plane_sheet(index: int, patches: Sequence[Patch], margin: float, extended: Set[int]) -> Sheet:
     """An octagon around the support, aligned with its narrowest rectangle, or the plane's cut of the box."""
     patch = patches[index]
     chart = chart_of(patch.surface)
     uv = chart.parameters(patch.xyz)
-    if extend:
+    if index in extended:
         half = np.linalg.norm(BOX[1] - BOX[0])
         middle = chart.parameters(patch.surface.project(BOX.mean(axis=0)[None]))[0]
         square = middle + half * np.array([[-1.0, -1.0], [1, -1], [1, 1], [-1, 1]])
@@ -245,7 +263,8 @@ def _plane_sheet(index: int, patches: Sequence[Patch], margin: float, extend: bo
                 bound = sign * (BOX[side, axis] - patch.surface.origin[axis])
                 polygon = clip(polygon, gradient, bound)
         if len(polygon) >= 3:
-            return Sheet(index, chart, polygon=polygon)
+            near = [other for k, other in enumerate(patches) if k != index]
+            return Sheet(index, chart, polygon=cut_at_tangents(polygon, chart, patch, near, extended=True))
     polygon = octagon(uv, margin)
     beside = [patches[k] for k in _beside(patches, index, margin)]
     return Sheet(index, chart, polygon=cut_at_tangents(polygon, chart, patch, beside))

@@ -33,7 +33,8 @@ class State:
 
     Attributes:
         surfaces: one a patch; covariances: (P, P) of their local parameters; sizes: points of each patch;
-        touching: (N, N) bool; noise; settings; spreads: rms distance of each patch's points from its surface.
+        touching: (N, N) bool; noise; settings; spreads: rms distance of each patch's points from its surface;
+        ending: (N, N) bool, where one ends at what would touch it if its points went on.
     """
 
     surfaces: list[Surface]
@@ -43,6 +44,7 @@ class State:
     noise: Noise
     settings: PrimitivesSettings
     spreads: list[float]
+    ending: NDArray[np.bool_]
 
     def tilt_error(self, i: int) -> float:
         """Standard deviation of a patch's direction, radians."""
@@ -209,9 +211,9 @@ def same(state: State) -> list[Link]:
 
 
 def tangent(state: State) -> list[Link]:
-    """Neighbours that meet without an edge."""
+    """Neighbours that meet without an edge, and what ends as if they did."""
     links = []
-    for i, j in zip(*np.nonzero(np.triu(state.touching)), strict=True):
+    for i, j in zip(*np.nonzero(np.triu(state.touching | state.ending)), strict=True):
         pair = state.surfaces[i], state.surfaces[j]
         if frozenset(s.kind for s in pair) not in TANGENT_PAIRS:
             continue

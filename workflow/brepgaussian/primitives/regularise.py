@@ -14,6 +14,7 @@ from brepgaussian.geometry.fit import oriented
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives import propose
+from brepgaussian.primitives.ends import end_at
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners, spreads
 from brepgaussian.primitives.propose import State
 from brepgaussian.primitives.relations import Link
@@ -54,7 +55,7 @@ def state_of(
     covariances = [covariance(s, e) for s, e in zip(surfaces, evidence, strict=True)]
     table = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))
     sizes, spread = [len(p.members) for p in patches], [min(p.rms, MOST_SPREAD * noise.distance) for p in patches]
-    return State(surfaces, covariances, sizes, table >= TOUCHING, noise, settings, spread)
+    return State(surfaces, covariances, sizes, table >= TOUCHING, noise, settings, spread, end_at(patches, cloud))
 
 
 class Snapping:

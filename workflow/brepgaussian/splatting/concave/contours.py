@@ -59,11 +59,17 @@ def lost_share(chords: Chords, removed: NDArray[np.bool_]) -> float:
         chords: in the solid.
         removed: (S * K,) which of their samples are removed.
     """
+    touched = np.unique(chords.ray[removed.reshape(len(chords.ray), -1).any(axis=1)])
+    return float(lost_rays(chords, removed).sum() / max(len(touched), 1))
+
+
+def lost_rays(chords: Chords, removed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(R,) whether each ray has nothing left once (S * K,) samples are removed."""
     removed = removed.reshape(len(chords.ray), -1)
-    touched, lost = np.unique(chords.ray[removed.any(axis=1)]), np.zeros(int(chords.ray.max(initial=0)) + 1, bool)
-    lost[touched] = True
+    lost = np.zeros(int(chords.ray.max(initial=0)) + 1, bool)
+    lost[chords.ray[removed.any(axis=1)]] = True
     lost[chords.ray[~removed.all(axis=1)]] = False
-    return float(lost.sum() / max(len(touched), 1))
+    return lost
 
 
 def contour_rays(views: Views) -> tuple[Array, Array]:

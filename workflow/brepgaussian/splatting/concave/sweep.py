@@ -6,7 +6,7 @@ between two faces is taken to be empty all along, if the silhouettes stay filled
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
-from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
+from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
@@ -36,6 +36,7 @@ _FINER = 2  # cells of a section for each voxel
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 _LEAST_PART_VOXELS = 60  # of one of several channels
 MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
+_DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not at its brim: the section is wrong
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
@@ -119,11 +120,33 @@ def directions(faces: Sequence[Plane]) -> list[Array]:
 def _possible(chords: Chords, samples: Array, cuts: list[Cut]) -> list[Cut]:
     """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
-    kept = [c for c in largest if lost_share(chords, c.prisms[0].contains(samples, 0.0)) <= MOST_LOST]
+    kept = [c for cut in largest if (c := _filling(chords, samples, cut)) is not None]
     ends = [c for c in kept if c.at_ends]
     if len(ends) > 1:
         kept.append(Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
     return [c for c in kept if c.volume >= _LEAST_VOLUME_VOXELS]
+
+
+def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:
+    """A cut that leaves the silhouettes filled, without the brim of its section if that is what they need.
+
+    At a channel's ends the hull is rounded, and a brim as wide as its rim would be cut all along.
+    """
+    prism = cut.prisms[0]
+    removed = prism.contains(samples, 0.0)
+    if lost_share(chords, removed) <= MOST_LOST:
+        return cut
+    lost = np.repeat(lost_rays(chords, removed)[chords.ray], len(samples) // max(len(chords.ray), 1))
+    cells, _ = prism.lattice.coordinates(samples[lost])
+    deep = prism.lateral(cells) < -_BESIDE_VOXELS * _FINER * prism.lattice.pitch
+    if deep.any() and deep.mean() > _DEEP:
+        return None
+    brim = np.zeros_like(prism.outline)
+    brim[tuple(np.clip(np.round(cells[~deep]).astype(int), 0, np.array(brim.shape) - 1).T)] = True
+    less = replace(prism, outline=prism.outline & ~ndimage.binary_dilation(brim, iterations=_FINER))
+    if not less.outline.any() or lost_share(chords, less.contains(samples, 0.0)) > MOST_LOST:
+        return None
+    return replace(cut, prisms=(less,))
 
 
 def cuts(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
