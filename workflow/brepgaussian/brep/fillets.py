@@ -91,9 +91,7 @@ def _fillets(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
         for floor in (p.surface for p in beside if p.surface.kind == "plane"):
             if abs(float(wall.axis @ floor.axis)) < _ACROSS:
                 continue
-            yield from _on_both_sides(
-                patch, partial(touching, wall, floor), (_LEAST * wall.radius, _MOST * wall.radius)
-            )
+            yield from on_both_sides(patch, partial(touching, wall, floor), (_LEAST * wall.radius, _MOST * wall.radius))
 
 
 def _roundings(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
@@ -108,7 +106,7 @@ def _roundings(patch: Patch, beside: Sequence[Patch]) -> Iterator[Surface]:
             continue
         if abs(float(unit(np.cross(first.axis, second.axis)) @ patch.surface.axis)) < _ALONG:
             continue
-        yield from _on_both_sides(patch, partial(rolling, first, second), limits)
+        yield from on_both_sides(patch, partial(rolling, first, second), limits)
 
 
 def _slot_end(
@@ -129,7 +127,7 @@ def _slot_end(
     yield from _closest(patch, end, (-radius, radius))
 
 
-def _on_both_sides(patch: Patch, build: Builder, limits: tuple[float, float]) -> Iterator[Surface]:
+def on_both_sides(patch: Patch, build: Builder, limits: tuple[float, float]) -> Iterator[Surface]:
     """The closest surfaces to a patch whose radius is within limits: on a concave and on a convex edge."""
     yield from _closest(patch, lambda size: build(-size), limits)
     yield from _closest(patch, build, limits)

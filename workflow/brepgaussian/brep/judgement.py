@@ -70,11 +70,15 @@ def mends(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings
 
     The worst edge stays where several places are wrong, and one of them is mended.
     """
+    return bears(new, old, settings) and sum(objections(new, settings)) < _MENDED * sum(objections(old, settings))
+
+
+def bears(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether the images have nothing against a solid that they do not have against another one, too."""
     after, before = objections(new, settings), objections(old, settings)
     if len(after) != len(before):
         return False
-    worse = any(one > _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
-    return not worse and sum(after) < _MENDED * sum(before)
+    return all(one <= _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
 
 
 def objections(report: Mapping[str, Any], settings: BrepSettings) -> tuple[float, ...]:

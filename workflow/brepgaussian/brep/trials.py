@@ -1,5 +1,6 @@
 """Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,18 +10,22 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import against, mends, short_of, size
+from brepgaussian.brep.judgement import against, bears, mends, short_of, size
 from brepgaussian.brep.polish import Polished, polish, with_patches_on
 from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import fillets
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
+from brepgaussian.brep.slants import slants
 from brepgaussian.brep.symmetry import carried
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
+from brepgaussian.settings.brep import BrepSettings
+
+Enough = Callable[[Mapping[str, Any], Mapping[str, Any], BrepSettings], bool]
 
 _RUNGS = 2  # that a change is built on, at most
 _MOST_MENDS = 8  # that are refined where the images refuse a solid
@@ -50,7 +55,10 @@ class Trials:
     refused: set[str] = field(default_factory=set)
 
     def run(self) -> Polished:
-        """Try chamfers where an edge is refused, other borders, simpler solids, other walls, fillets."""
+        """Try roundings and chamfers where an edge is refused, other borders, simpler solids, other walls, fillets."""
+        if self.best.report.get("accepted") is False:  # before chamfers, which could stand for a rounding
+            for change in slants(self.job.patches):
+                self._tried([change], simpler=False, closer=True)
         for change in self._chamfers():
             if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
                 break
@@ -141,16 +149,21 @@ class Trials:
         return [group for group in groups if len(group) > 1] + [[c] for c in changes]
 
     def _tried(
-        self, changes: list[Change], simpler: bool = True, slack: float = _POINTS_SLACK, mending: bool = False
+        self,
+        changes: list[Change],
+        simpler: bool = True,
+        slack: float = _POINTS_SLACK,
+        mending: bool = False,
+        closer: bool = False,
     ) -> bool:
         """Whether changes were taken; what was refused alone is not tried again.
 
         A share `slack` of the points may leave the solid for a simpler one; with `mending`, one of several wrong places
-        is enough.
+        is enough; with `closer`, which the points like better, the images only have to bear them.
         """
         if self.left.spent:
             return False
-        fault, outcome = self._outcome(changes, simpler, slack, mending)
+        fault, outcome = self._outcome(changes, simpler, slack, mends if mending else bears if closer else None)
         names = [c.name for c in changes]
         self.notes.append({"changes": names, "fault": fault})
         get_logger("brep").info("trial %s: %s", ", ".join(names), fault or "taken")
@@ -161,7 +174,7 @@ class Trials:
         return True
 
     def _outcome(
-        self, changes: list[Change], simpler: bool, slack: float, mending: bool
+        self, changes: list[Change], simpler: bool, slack: float, enough: Enough | None
     ) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
         job, before = applied(self.job, changes), self.best.attempt.verdict
@@ -185,7 +198,7 @@ class Trials:
                 self.left.refinements -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
                 fault = (against if simpler else short_of)(polished, self.best, job.settings)
-                if fault and mending and mends(polished.report, self.best.report, job.settings):
+                if fault and enough is not None and enough(polished.report, self.best.report, job.settings):
                     fault = ""
                 if not fault:
                     return "", (job, rung, polished)
