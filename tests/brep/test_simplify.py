@@ -98,6 +98,17 @@ def test_pieces_that_points_bend_are_one_face_where_the_images_made_them_one_sur
     assert ((5, 6) in [c.gone for c in proposals(patches, SIGMA / 2, 0, refined)]) == merged
 
 
+@pytest.mark.parametrize(("lower", "merged"), [(0.002, True), (0.02, False)])
+def test_pieces_of_a_plane_on_either_side_of_a_slot_are_one(block, lower, merged):
+    patches = patches_of(block)
+    first, second = split(patches[5], 0.35)
+    right = second.xyz[:, 0] > 0.65
+    floor = plane(patches[5].surface.origin - lower * patches[5].surface.axis, patches[5].surface.axis)
+    second = replace(second, xyz=floor.project(second.xyz[right]), normals=second.normals[right], surface=floor)
+    patches[5:6] = first, second
+    assert ((5, 6) in [c.gone for c in proposals(patches, SIGMA, 0)]) == merged
+
+
 @pytest.mark.parametrize(("off", "count", "proposed"), [(0.008, 40, True), (0.03, 40, False), (0.008, 400, False)])
 def test_only_a_tiny_patch_beside_others_may_be_a_rounded_inner_edge(block, off, count, proposed):
     patches = patches_of(block)

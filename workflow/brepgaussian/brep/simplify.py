@@ -120,13 +120,15 @@ def complexity(surfaces: Sequence[Surface], faces: Sequence[int]) -> tuple[int, 
 def _merges(
     patches: Sequence[Patch], noise: float, rng: np.random.Generator, sigmas: float = _SIGMAS
 ) -> Iterator[Change]:
-    """Neighbours that one surface explains, best first."""
+    """Neighbours that one surface explains, best first; pieces of one plane may lie apart, on either side of a slot."""
     found: list[tuple[float, Change]] = []
     trees = [cKDTree(p.xyz) for p in patches]
     for i, j in combinations(range(len(patches)), 2):
         large, small = (i, j) if len(patches[i].xyz) >= len(patches[j].xyz) else (j, i)
-        near = touch(patches[small], patches[large], _TOUCH, trees[large])
-        if not near or not _alike(patches[large], patches[small], noise):
+        if not _alike(patches[large], patches[small], noise):
+            continue
+        flat = patches[large].surface.kind == patches[small].surface.kind == "plane"
+        if not flat and not touch(patches[small], patches[large], _TOUCH, trees[large]):
             continue
         pair = [patches[large], patches[small]]
         first = patches[large].surface.kind
