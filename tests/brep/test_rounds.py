@@ -7,7 +7,7 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import WIDTHS
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.polish import Polished
-from brepgaussian.brep.rounds import fillets
+from brepgaussian.brep.rounds import fillets, roundings
 from brepgaussian.brep.structure import Edge, Structure
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
@@ -96,3 +96,35 @@ def test_caps_that_a_solid_does_not_use_do_not_stop_the_search():
     found = trials._refined()
     assert [p.surface for p in found.patches] == list(moved)
     assert found.caps == job.caps
+
+
+@pytest.mark.parametrize("degrees", [90.0, 120.0])
+def test_a_refused_edge_between_planes_is_rounded_as_far_back_as_a_chamfer(degrees):
+    """Two faces that meet at a convex edge along z, and a rim that gets its chamfer beside."""
+    turn = np.radians(degrees)
+    normals = X, np.array([np.cos(np.pi - turn), np.sin(np.pi - turn), 0])
+    surfaces = [plane(np.zeros(3), n) for n in normals]
+    share = np.random.default_rng(2).random((3000, 3))
+    along = [np.cross(UP, n) for n in normals]
+    clouds = [share[:, :1] * s * 0.5 * a + share[:, 1:2] * UP for s, a in zip((-1, 1), along, strict=True)]
+    line = np.linspace(0, 1, 80)[:, None] * UP
+    edge = Edge((0, 1), (0, 1), "line", line, "convex", (0, 1), (0.0, 1.0), False)
+    rows = [{"name": "edge 0", "silhouette_px": 3.0, "interior_px": None}]
+    found = roundings(Structure((), (edge,), ()), surfaces, patches_of(surfaces, clouds), rows)
+    assert len(found) == len(WIDTHS)
+    for width, change in zip(WIDTHS, found, strict=True):
+        made = change.new[-1]
+        assert made.surface.kind == "cylinder"
+        assert not made.surface.flipped
+        for face in surfaces:
+            assert face.signed_distance(made.surface.origin[None])[0] == pytest.approx(-made.surface.radius)
+            assert (face.signed_distance(made.xyz) < 1e-12).all()  # behind both faces
+        if degrees == 90.0:
+            back = np.sqrt(2) * made.surface.radius - made.surface.radius
+            assert back == pytest.approx(width / np.sqrt(2))  # as a chamfer with legs of that width
+    assert (
+        roundings(
+            Structure((), (edge,), ()), surfaces, patches_of(surfaces, clouds), [rows[0] | {"silhouette_px": 0.05}]
+        )
+        == []
+    )

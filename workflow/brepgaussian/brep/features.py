@@ -34,7 +34,7 @@ _LEAST_LENGTH = 2.0  # widths: length of an edge that is worth it
 
 
 def chamfers(
-    structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], edges: Sequence[dict[str, Any]]
+    structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], edges: Sequence[Mapping[str, Any]]
 ) -> list[Change]:
     """One change for every width: chamfers on all convex edges that the images place elsewhere.
 
@@ -44,7 +44,7 @@ def chamfers(
         patches: that it was built from.
         edges: the acceptance test's table.
     """
-    bad = _bad_edges(structure, edges)
+    bad = bad_edges(structure, edges)
     result = []
     for width in WIDTHS:
         change = _chamfered([structure.edges[k] for k in bad], surfaces, patches, width)
@@ -53,7 +53,7 @@ def chamfers(
     return result
 
 
-def _bad_edges(structure: Structure, edges: Sequence[dict[str, Any]]) -> list[int]:
+def bad_edges(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[int]:
     """Indices of convex edges far from where the images show them."""
     px: dict[int, float] = {}
     for row in edges:
@@ -68,13 +68,18 @@ def _chamfered(
     edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float
 ) -> Change | None:
     """Chamfers of one width on edges, with what remains of the neighbours' points."""
+    return placed(edges, surfaces, patches, width, chamfer_of(width), f"chamfers {width:g} wide")
+
+
+def chamfer_of(width: float) -> Maker:
+    """What makes a chamfer of some width and points on it for an edge; None for edges too short for it."""
 
     def make(pair: tuple[Surface, Surface], edge: Edge) -> tuple[Surface, Array] | None:
         length = float(np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1).sum())
         made = _surface(pair, edge.polyline, width)
         return None if made is None or length < _LEAST_LENGTH * width else (made, _band(made, pair, edge.polyline))
 
-    return placed(edges, surfaces, patches, width, make, f"chamfers {width:g} wide")
+    return make
 
 
 def placed(

@@ -4,13 +4,14 @@ In a pocket's corner, or where a web meets a flange, no silhouette shows a fille
 round. Edges and masks agree with the sharp solid; the grey of the rounded surface follows the slant of the views.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.features import SPACING, WIDTHS, placed, strip
+from brepgaussian.brep.features import SPACING, WIDTHS, bad_edges, chamfer_of, placed, strip
 from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.simplify import Change
@@ -25,6 +26,7 @@ _BLUNT = 0.9  # |cosine| between planes whose edge is too blunt or too sharp
 _SQUARE = 1e-3  # sine between a plane's normal and a cylinder's axis that a torus rounds off
 _ALIKE = 0.02  # of their length that two edges of a set differ by,
 _PARALLEL = np.cos(np.radians(2.0))  # and between their directions
+_AS_FAR = 1 / (2 - np.sqrt(2))  # radius over a chamfer's leg where both take a square edge back by the same length
 _FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's end the faces are hardly off
 _MOST_SETS = 2  # that are tried, those with most places first
 
@@ -48,6 +50,40 @@ def fillets(structure: Structure, surfaces: Sequence[Surface], patches: Sequence
     radii = sorted(WIDTHS, key=lambda radius: abs(np.log(radius / max(reach, SPACING))))
     found = (_filleted([structure.edges[k] for k in s], surfaces, patches, radius) for s in order for radius in radii)
     return [change for change in found if change is not None]
+
+
+def roundings(
+    structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], edges: Sequence[Mapping[str, Any]]
+) -> list[Change]:
+    """One change for every width: what `features.chamfers` proposes, with straight edges between planes rounded.
+
+    Args:
+        structure, surfaces, patches, edges: as there.
+    """
+    bad = [structure.edges[k] for k in bad_edges(structure, edges)]
+    if not any(_between_planes(edge, surfaces) for edge in bad):
+        return []
+    found = (_rounded(bad, surfaces, patches, width) for width in WIDTHS)
+    return [change for change in found if change is not None]
+
+
+def _rounded(
+    edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float
+) -> Change | None:
+    """Roundings on straight edges between planes and chamfers on others that take them back as far."""
+    chamfer, radius = chamfer_of(width), _AS_FAR * width
+
+    def make(pair: tuple[Surface, Surface], edge: Edge) -> tuple[Surface, Array] | None:
+        if not _between_planes(edge, surfaces):
+            return chamfer(pair, edge)
+        made = _surface(pair, radius)
+        return None if made is None else (made, _band(made, pair, edge.polyline))
+
+    return placed(edges, surfaces, patches, radius, make, f"roundings and chamfers {width:g} wide")
+
+
+def _between_planes(edge: Edge, surfaces: Sequence[Surface]) -> bool:
+    return edge.kind == "line" and all(k >= 0 and surfaces[k].kind == "plane" for k in edge.surfaces)
 
 
 def _beside(structure: Structure, off: Array) -> dict[int, Array]:

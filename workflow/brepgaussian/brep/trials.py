@@ -1,7 +1,8 @@
 """Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,10 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, bears, mends, short_of, size
-from brepgaussian.brep.polish import Polished, polish, with_patches_on
+from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.regroup import regrouped
-from brepgaussian.brep.rounds import fillets
+from brepgaussian.brep.rounds import fillets, roundings
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.slants import slants
@@ -59,8 +60,8 @@ class Trials:
         if self.best.report.get("accepted") is False:  # before chamfers, which could stand for a rounding
             for change in slants(self.job.patches):
                 self._tried([change], simpler=False, closer=True)
-        for change in self._chamfers():
-            if not self.left.spent and self._tried([change], simpler=False) and self.best.report["accepted"]:
+        while not self.left.spent:  # where one edge was far off, others show only after it
+            if not any(self._either(changes) for changes in zip_longest(self._chamfers(), self._roundings())):
                 break
         self.bordered()
         while not self.left.spent:
@@ -116,6 +117,13 @@ class Trials:
             return []
         return chamfers(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
 
+    def _roundings(self) -> list[Change]:
+        """The same with straight edges rounded."""
+        details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
+        if self.best.report.get("accepted") is not False or not details or structure is None:
+            return []
+        return roundings(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
+
     def _fillets(self) -> list[Change]:
         """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
         structure = self.best.attempt.verdict.structure
@@ -156,22 +164,40 @@ class Trials:
         mending: bool = False,
         closer: bool = False,
     ) -> bool:
-        """Whether changes were taken; what was refused alone is not tried again.
+        """Whether changes were taken.
 
         A share `slack` of the points may leave the solid for a simpler one; with `mending`, one of several wrong places
         is enough; with `closer`, which the points like better, the images only have to bear them.
         """
-        if self.left.spent:
+        enough = mends if mending else bears if closer else None
+        outcome = self._asked(changes, simpler, slack, enough)
+        if outcome is None:
             return False
-        fault, outcome = self._outcome(changes, simpler, slack, mends if mending else bears if closer else None)
+        self.job, self.rung, self.best = outcome
+        return True
+
+    def _either(self, alternatives: Iterable[Change | None]) -> bool:
+        """Whether one of several changes was taken, the one that leaves the images least to object to."""
+        asked = [self._asked([c], simpler=False, slack=_POINTS_SLACK) for c in alternatives if c is not None]
+        found = [outcome for outcome in asked if outcome is not None]
+        if not found:
+            return False
+        self.job, self.rung, self.best = min(found, key=lambda o: badness(o[2].report, o[0].settings))
+        return True
+
+    def _asked(
+        self, changes: list[Change], simpler: bool, slack: float, enough: Enough | None = None
+    ) -> tuple[Job, Rung, Polished] | None:
+        """What changes lead to, if nothing speaks against it; what is refused alone is not tried again."""
+        if self.left.spent:
+            return None
+        fault, outcome = self._outcome(changes, simpler, slack, enough)
         names = [c.name for c in changes]
         self.notes.append({"changes": names, "fault": fault})
         get_logger("brep").info("trial %s: %s", ", ".join(names), fault or "taken")
         if outcome is None:
             self.refused |= set(names) if len(names) == 1 else set()
-            return False
-        self.job, self.rung, self.best = outcome
-        return True
+        return outcome
 
     def _outcome(
         self, changes: list[Change], simpler: bool, slack: float, enough: Enough | None
