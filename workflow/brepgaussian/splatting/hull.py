@@ -136,9 +136,9 @@ def carve(
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
             volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
-            volume, more, bends = open_concavities(images, volume)
-            # last: what rays tell goes before what is likely
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
+            volume, more, bends = open_concavities(images, volume, planes)
+            # last: what rays tell goes before what is likely
             volume, wider = widen(images, volume, planes, more)
             prisms += more + wider
         if patches is not None and relief:

@@ -1,11 +1,14 @@
 """Open the concavities of a hull's field, level by level (a counterbore's bore lies under its first floor)."""
 
+from collections.abc import Sequence
+
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
@@ -33,12 +36,15 @@ def open_channels(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
     return turn(images, hull), channels
 
 
-def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism], list[Bend]]:
+def open_concavities(
+    images: Images, hull: Volume, planes: Sequence[Plane] = ()
+) -> tuple[Volume, list[Prism], list[Bend]]:
     """Carve pockets and holes that views show to be open although every silhouette is blind to them.
 
     Args:
         images: of all views.
         hull: what silhouettes leave.
+        planes: of the faces that views have confirmed.
 
     Returns:
         The opened hull, the concavities, and what joins those that are ends of a bent bore.
@@ -48,7 +54,7 @@ def open_concavities(images: Images, hull: Volume) -> tuple[Volume, list[Prism],
     floors: list[Prism] = []  # those that were not looked at yet
     scene = hull.scene()
     for _ in range(_LEVELS):
-        found = told_once(find_prisms(images, scene, hull.spacing, floors), known, 2 * hull.spacing)
+        found = told_once(find_prisms(images, scene, hull.spacing, floors, planes), known, 2 * hull.spacing)
         if not found:
             break
         # the far end of a hole may be the floor of what was found before

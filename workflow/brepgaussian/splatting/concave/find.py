@@ -21,7 +21,7 @@ from brepgaussian.splatting.concave.openings import (
     openings,
     rectify,
 )
-from brepgaussian.splatting.concave.planes import PITCH_PIXELS, PlanarRegion, lattice_over, planar_regions
+from brepgaussian.splatting.concave.planes import PITCH_PIXELS, PlanarRegion, Plane, lattice_over, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.standing import around_hubs
@@ -39,7 +39,9 @@ Array = NDArray[np.float64]
 logger = log.get_logger("stage1")
 
 
-def find_prisms(images: Images, scene: Scene, cell: float, floors: Sequence[Prism] = ()) -> list[Prism]:
+def find_prisms(
+    images: Images, scene: Scene, cell: float, floors: Sequence[Prism] = (), planes: Sequence[Plane] = ()
+) -> list[Prism]:
     """Find pockets, blind holes and holes under the planar faces of a hull.
 
     Args:
@@ -48,11 +50,14 @@ def find_prisms(images: Images, scene: Scene, cell: float, floors: Sequence[Pris
         cell: its resolution.
         floors: concavities that are already carved into the hull. If there are any, only their floors are
             looked at: their walls are no lids.
+        planes: that views have confirmed: a region of the hull that bulges beside a pocket is turned against its own,
+            and views then disagree about the frame of every small hole in it.
     """
     mesh = scene.vertices, scene.triangles
     footprint = images.views.cameras.footprint()
     found: list[tuple[Prism, float]] = []
-    for region in planar_regions(*mesh, 2 * cell):
+    for fitted in planar_regions(*mesh, 2 * cell):
+        region = fitted.on(planes, *mesh, 2 * cell)
         floor = _floor_of(region, floors, 2 * cell)
         if floors and floor is None:
             continue

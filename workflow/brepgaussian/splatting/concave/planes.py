@@ -1,6 +1,7 @@
 """Planar regions of a hull's mesh, largest first: where lids can lie."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ _NEAR_DIRECTION = 0.9  # cosine of 26 degrees: fits turn by less than the differ
 _MINIMUM_AREA = 0.002  # smaller lids hide nothing that a few pixels could show
 _REFITS = 6
 _BELOW = 0.99  # weight of what lies below a plane: a hull touches a face along contours and bulges between them
+_PARALLEL = 0.999  # cosine of 2.5 degrees: a region of which a part bulges is turned by less
 _MAXIMUM_TURN = 0.25  # rad: a strip of a cylinder turns more from one side to the other, a lid does not
 
 
@@ -47,6 +49,17 @@ class PlanarRegion(Plane):
         twice = np.linalg.norm(cross, axis=1)
         alike = np.clip(cross @ self.normal / np.maximum(twice, 1e-15), -1, 1)
         return float(np.sqrt(np.average(np.arccos(alike) ** 2, weights=twice)))
+
+    def on(self, planes: Sequence[Plane], vertices: Array, triangles: NDArray[np.int64], near: float) -> "PlanarRegion":
+        """The same triangles on the plane that passes within `near` of their middle, if one of those given does."""
+        middle = vertices[triangles[self.triangles]].mean(axis=(0, 1))
+        off = [
+            abs(float(p.normal @ middle) - p.offset) if p.normal @ self.normal > _PARALLEL else np.inf for p in planes
+        ]
+        if not off or min(off) > near:
+            return self
+        best = planes[int(np.argmin(off))]
+        return replace(self, normal=best.normal, offset=best.offset)
 
     def lattice(self, vertices: Array, triangles: NDArray[np.int64], pitch: float) -> Lattice:
         """A lattice over the bounding rectangle of the region."""
