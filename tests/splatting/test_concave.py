@@ -11,6 +11,7 @@ from brepgaussian.splatting.concave import Prism
 from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.join import joined
 from brepgaussian.splatting.concave.openings import Images, Stack, openings
+from brepgaussian.splatting.concave.planes import Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.hull import carve
@@ -61,6 +62,26 @@ def test_blind_pockets_are_opened_down_to_their_floors(tmp_path, interreflection
     assert floors.any()
     assert distance(False) > 0.04
     assert distance(True) < bound
+
+
+@pytest.mark.parametrize(
+    ("turn", "height", "taken"), [(0.0, 0.502, True), (0.02, 0.502, True), (0.2, 0.502, False), (0.0, 0.53, False)]
+)
+def test_a_region_that_bulges_takes_the_plane_of_its_face(turn, height, taken):
+    """A face with a bulge over a third of it, which turns the plane that fits it."""
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41), indexing="ij"))
+    vertices = np.column_stack([x, y, 0.5 + 0.006 * np.clip(y - 0.6, 0, 1)])
+    corner = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    triangles = np.concatenate([np.column_stack([corner, corner + a, corner + b]) for a, b in ((41, 42), (42, 1))])
+    (region,) = planar_regions(vertices, triangles, 0.01)
+    face = Plane(
+        np.array([np.sin(turn), 0, np.cos(turn)]), np.array([0.5, 0.5, height]) @ [np.sin(turn), 0, np.cos(turn)]
+    )
+    other = Plane(np.array([0, 0, -1.0]), -height)
+    on = region.on([other, face], vertices, triangles, 0.01)
+    assert np.array_equal(on.triangles, region.triangles)
+    assert (on.normal is face.normal and on.offset == face.offset) == taken
+    assert taken or on is region
 
 
 def test_a_ring_shaped_opening_keeps_its_island():
