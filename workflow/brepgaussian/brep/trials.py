@@ -29,6 +29,7 @@ from brepgaussian.settings.brep import BrepSettings
 Enough = Callable[[Mapping[str, Any], Mapping[str, Any], BrepSettings], bool]
 
 _RUNGS = 2  # that a change is built on, at most
+_MOST_EDGED = 6  # changed edges that are refined where the images refuse a solid: as many widths and kinds
 _MOST_MENDS = 8  # that are refined where the images refuse a solid
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
@@ -57,12 +58,8 @@ class Trials:
 
     def run(self) -> Polished:
         """Try roundings and chamfers where an edge is refused, other borders, simpler solids, other walls, fillets."""
-        if self.best.report.get("accepted") is False:  # before chamfers, which could stand for a rounding
-            for change in slants(self.job.patches):
-                self._tried([change], simpler=False, closer=True)
-        while not self.left.spent:  # where one edge was far off, others show only after it
-            if not any(self._either(changes) for changes in zip_longest(self._chamfers(), self._roundings())):
-                break
+        if self.best.report.get("accepted") is False:
+            self._edged()
         self.bordered()
         while not self.left.spent:
             changes = [c for c in self._proposals() if c.name not in self.refused]
@@ -78,6 +75,16 @@ class Trials:
             if change.name not in self.refused:
                 self._tried([change], slack=0.0)  # the points are why: they have to like it
         return self._noted()
+
+    def _edged(self) -> None:
+        """Try other edges where the images refuse those that there are; simpler solids have a budget of their own."""
+        left, self.left = self.left, Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
+        for change in slants(self.job.patches):  # before chamfers, which could stand for a rounding
+            self._tried([change], simpler=False, closer=True)
+        while not self.left.spent:  # where one edge was far off, others show only after it
+            if not any(self._either(changes) for changes in zip_longest(self._chamfers(), self._roundings())):
+                break
+        self.left = left
 
     def _mended(self) -> None:
         """Try other walls where the images still refuse the solid, one place after the other."""
@@ -178,8 +185,12 @@ class Trials:
 
     def _either(self, alternatives: Iterable[Change | None]) -> bool:
         """Whether one of several changes was taken, the one that leaves the images least to object to."""
-        asked = [self._asked([c], simpler=False, slack=_POINTS_SLACK) for c in alternatives if c is not None]
-        found = [outcome for outcome in asked if outcome is not None]
+        found: list[tuple[Job, Rung, Polished]] = []
+        for change in alternatives:
+            outcome = None if change is None else self._asked([change], simpler=False, slack=_POINTS_SLACK)
+            found += [] if outcome is None else [outcome]
+            if outcome is not None and outcome[2].report.get("accepted"):
+                break
         if not found:
             return False
         self.job, self.rung, self.best = min(found, key=lambda o: badness(o[2].report, o[0].settings))
