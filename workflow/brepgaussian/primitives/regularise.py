@@ -14,6 +14,7 @@ from brepgaussian.geometry.fit import oriented
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives import propose
+from brepgaussian.primitives.corners import meet
 from brepgaussian.primitives.ends import end_at
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners, spreads
 from brepgaussian.primitives.propose import State
@@ -151,7 +152,8 @@ def regularise(
         fresh = snapping.add(name, proposals(snapping.state()))
         if proposals is propose.same:
             joined = fresh
-    return _joined(snapping, joined)
+    patches, relations = _joined(snapping, joined)
+    return meet(patches, relations, cloud, noise)[0], relations
 
 
 def _joined(snapping: Snapping, links: list[Link]) -> tuple[list[Patch], tuple[Relation, ...]]:
