@@ -71,7 +71,7 @@ def proposals(patches: Sequence[Patch], noise: float, seed: int, refined: Sequen
     straight = [c for c in _kinds(moved, noise, rng, _WITHIN) if c.gone[0] not in known]
     merges = list(_merges(patches, noise, rng))
     paired = {change.gone for change in merges}
-    same = [c for c in _merges(moved, noise, rng, _WITHIN) if c.gone not in paired]
+    same = [c for c in _merges(moved, noise, rng, refined=True) if c.gone not in paired]
     return [*merges, *same, *kinds, *straight, *_drops(patches, noise)]
 
 
@@ -118,9 +118,13 @@ def complexity(surfaces: Sequence[Surface], faces: Sequence[int]) -> tuple[int, 
 
 
 def _merges(
-    patches: Sequence[Patch], noise: float, rng: np.random.Generator, sigmas: float = _SIGMAS
+    patches: Sequence[Patch], noise: float, rng: np.random.Generator, refined: bool = False
 ) -> Iterator[Change]:
-    """Neighbours that one surface explains, best first; pieces of one plane may lie apart, on either side of a slot."""
+    """Neighbours that one surface explains, best first; pieces of one plane may lie apart, on either side of a slot.
+
+    Patches that the images have `refined` have to be of one kind, and nearly one surface.
+    """
+    sigmas = _WITHIN if refined else _SIGMAS
     found: list[tuple[float, Change]] = []
     trees = [cKDTree(p.xyz) for p in patches]
     for i, j in combinations(range(len(patches)), 2):
@@ -131,8 +135,10 @@ def _merges(
         if not flat and not touch(patches[small], patches[large], _TOUCH, trees[large]):
             continue
         pair = [patches[large], patches[small]]
-        first = patches[large].surface.kind
-        for kind in (*SIMPLER[first], first, patches[small].surface.kind):
+        first, second = (p.surface.kind for p in pair)
+        if refined and first != second:
+            continue
+        for kind in (first,) if refined else (*SIMPLER[first], first, second):
             surface = _fitted(kind, pair, noise, rng)
             if surface is not None and all(_explains(surface, p, noise, sigmas) for p in pair):
                 names = tuple(sorted((i, j)))
