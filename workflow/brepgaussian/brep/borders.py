@@ -42,20 +42,18 @@ def continuing(patches: Sequence[Patch], borders: Sequence[Indices]) -> list[int
 
     Half a chamfer ends in borders too short to be told from stray points; what it leaves open beside it is not.
     """
-    trees: list[cKDTree | None] = [None] * len(patches)
-    result = []
-    for index, patch in enumerate(patches):
-        for other, border in zip(patches, borders, strict=True):
-            if other is patch or len(border) < _LEAST_OPEN or len(borders[index]):
-                continue
-            off = np.abs(patch.surface.signed_distance(other.xyz[border]))
-            if np.sum(off <= max(patch.reach, other.reach)) < _LEAST_OPEN:
-                continue
-            trees[index] = trees[index] or cKDTree(patch.xyz)
-            if touch(other, patch, tree=trees[index]):
-                result.append(index)
-                break
-    return result
+    open_ones = [(patch, patch.xyz[border]) for patch, border in zip(patches, borders, strict=True) if len(border)]
+    return [
+        index
+        for index, patch in enumerate(patches)
+        if not len(borders[index]) and any(_goes_on(patch, other, places) for other, places in open_ones)
+    ]
+
+
+def _goes_on(patch: Patch, other: Patch, places: Array) -> bool:
+    """Whether a patch touches another one, and its surface passes through places (N, 3) on the other's border."""
+    off = np.abs(patch.surface.signed_distance(places))
+    return bool(np.sum(off <= max(patch.reach, other.reach)) >= _LEAST_OPEN) and touch(other, patch)
 
 
 def border_points(patch: Patch) -> Indices:

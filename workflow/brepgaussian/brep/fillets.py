@@ -14,9 +14,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.spatial import cKDTree
 
-from brepgaussian.brep.patches import Patch, touch
+from brepgaussian.brep.patches import Patch, neighbours
 from brepgaussian.geometry.surfaces import Surface, cylinder, plane, torus, unit
 
 Array = NDArray[np.float64]
@@ -42,9 +41,11 @@ def rounded(patches: Sequence[Patch], noise: float) -> list[Patch] | None:
         makers = {"torus": _fillets, "cylinder": _roundings}.get(patch.surface.kind)
         if makers is None:
             continue
-        tree = cKDTree(patch.xyz)
-        beside = [p for k, p in enumerate(result) if k != i and touch(p, patch, tree=tree)]
-        found = [f for f in makers(patch, beside) if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)]
+        found = [
+            f
+            for f in makers(patch, [result[k] for k in neighbours(i, result)])
+            if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)
+        ]
         if found:
             surface = min(found, key=lambda f: f.rms(patch.xyz))
             if float(np.abs(surface.signed_distance(patch.surface.project(patch.xyz))).max()) > _SAME:
@@ -58,12 +59,9 @@ def _squared(patches: Sequence[Patch], noise: float) -> list[Patch]:
     for i, patch in enumerate(patches):
         if patch.surface.kind != "cylinder":
             continue
-        tree = cKDTree(patch.xyz)
-        beside = [
-            k for k, p in enumerate(result) if k != i and p.surface.kind == "plane" and touch(p, patch, tree=tree)
-        ]
-        axis = _upright(patch, [result[k] for k in beside])
-        walls = [k for k in beside if abs(float(result[k].surface.axis @ axis)) < _LEANING]
+        planes = neighbours(i, result, "plane")
+        axis = _upright(patch, [result[k] for k in planes])
+        walls = [k for k in planes if abs(float(result[k].surface.axis @ axis)) < _LEANING]
         for pair in combinations(walls, 2):
             first, second = (result[k].surface.axis for k in pair)
             if not -1 + _STRAIGHT < float(first @ second) < -_FACING:

@@ -85,6 +85,14 @@ def touch(first: Patch, second: Patch, reaches: float = NEARBY, tree: cKDTree | 
     return bool(tree.query(first.xyz, distance_upper_bound=limit)[0].min() <= limit)
 
 
+def neighbours(index: int, patches: Sequence[Patch], kind: str = "") -> list[int]:
+    """Indices of the patches (of one kind only) that one of them touches."""
+    patch = patches[index]
+    tree = cKDTree(patch.xyz)
+    others = (k for k, p in enumerate(patches) if k != index and kind in ("", p.surface.kind))
+    return [k for k in others if touch(patches[k], patch, tree=tree)]
+
+
 def _sane(surface: Surface) -> bool:
     """Whether a surface can be built at all."""
     numbers = [*surface.origin, *surface.axis, surface.radius, surface.minor, surface.angle]

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 BOX = np.array([[-0.1] * 3, [1.1] * 3])  # a sheet of full extent ends here: the unit frame and a rim
 FULL_TURN_GAP = np.radians(100.0)  # a support with a smaller gap is taken as a full turn
 _CLOSED = 2.0  # of reach: a gap as narrow as that between points is none
-_QUARTER = np.pi / 4  # half of the quarter turn beyond its support in which an extended sheet may end
+_EIGHTH = TURN / 8  # half of the quarter turn beyond its support in which an extended sheet may end
 _SCAN, _LANES, _GOLDEN_STEPS = 25, 5, 60
 
 
@@ -123,8 +123,8 @@ def _ends(
     for end, outward in ((own[0], -1.0), (own[1], 1.0)):
         found = _tangent_end(sheet, patches, which, end, window, across, extended)
         if found is None and which == 0 and sheet.patch in extended:
-            far = end + outward * (window + _QUARTER)
-            found = _tangent_end(sheet, patches, which, far, _QUARTER, across, extended)
+            far = end + outward * (window + _EIGHTH)
+            found = _tangent_end(sheet, patches, which, far, _EIGHTH, across, extended)
         result.append((end + outward * margin / scale, True) if found is None else (found, False))
     return result[0], result[1]
 

@@ -129,14 +129,11 @@ def _merges(
     trees = [cKDTree(p.xyz) for p in patches]
     for i, j in combinations(range(len(patches)), 2):
         large, small = (i, j) if len(patches[i].xyz) >= len(patches[j].xyz) else (j, i)
-        if not _alike(patches[large], patches[small], noise):
-            continue
-        flat = patches[large].surface.kind == patches[small].surface.kind == "plane"
-        if not flat and not touch(patches[small], patches[large], _TOUCH, trees[large]):
-            continue
         pair = [patches[large], patches[small]]
         first, second = (p.surface.kind for p in pair)
-        if refined and first != second:
+        if (refined and first != second) or not _alike(patches[large], patches[small], noise):
+            continue
+        if not first == second == "plane" and not touch(patches[small], patches[large], _TOUCH, trees[large]):
             continue
         for kind in (first,) if refined else (*SIMPLER[first], first, second):
             surface = _fitted(kind, pair, noise, rng)

@@ -10,10 +10,9 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from brepgaussian.brep.fillets import on_both_sides, rolling
-from brepgaussian.brep.patches import Patch, supported, touch
+from brepgaussian.brep.patches import Patch, neighbours, supported
 from brepgaussian.brep.simplify import Change
 from brepgaussian.geometry.surfaces import Surface, unit
 
@@ -30,23 +29,18 @@ def slants(patches: Sequence[Patch]) -> list[Change]:
     for i, patch in enumerate(patches):
         if patch.surface.kind != "plane":
             continue
-        tree = cKDTree(patch.xyz)
-        beside = [
-            p.surface
-            for k, p in enumerate(patches)
-            if k != i and p.surface.kind == "plane" and touch(p, patch, tree=tree)
-        ]
-        best = min(_roundings(patch, beside), key=lambda s: s.rms(patch.xyz), default=None)
+        faces = [patches[k].surface for k in neighbours(i, patches, "plane")]
+        best = min(_roundings(patch, faces), key=lambda s: s.rms(patch.xyz), default=None)
         if best is not None and best.rms(patch.xyz) < _CLEARLY * patch.sigma:
             new = supported(patch, best, patch.xyz, patch.normals)
             result.append(Change(f"patch {patch.primitive} as a rounding", (i,), (new,)))
     return result
 
 
-def _roundings(patch: Patch, beside: Sequence[Surface]) -> Iterator[Surface]:
+def _roundings(patch: Patch, faces: Sequence[Surface]) -> Iterator[Surface]:
     """The best rounding of the edge of every two planes that a third one lies between."""
     normal = patch.surface.axis
-    between = [s for s in beside if _BETWEEN < float(s.axis @ normal) < _BLUNT]
+    between = [s for s in faces if _BETWEEN < float(s.axis @ normal) < _BLUNT]
     for first, second in combinations(between, 2):
         if abs(float(first.axis @ second.axis)) > _BLUNT:
             continue

@@ -1,6 +1,6 @@
 """Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from typing import Any
@@ -12,6 +12,7 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, bears, mends, short_of, size
+from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import straightened
 from brepgaussian.brep.regroup import regrouped
@@ -19,14 +20,17 @@ from brepgaussian.brep.rounds import fillets, roundings
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.slants import slants
+from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import carried
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
+from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
 
 Enough = Callable[[Mapping[str, Any], Mapping[str, Any], BrepSettings], bool]
+Changes = Callable[[Structure, Sequence[Surface], Sequence[Patch], Sequence[Mapping[str, Any]]], list[Change]]
 
 _RUNGS = 2  # that a change is built on, at most
 _MOST_EDGED = 6  # changed edges that are refined where the images refuse a solid: as many widths and kinds
@@ -80,9 +84,10 @@ class Trials:
         """Try other edges where the images refuse those that there are; simpler solids have a budget of their own."""
         left, self.left = self.left, Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
         for change in slants(self.job.patches):  # before chamfers, which could stand for a rounding
-            self._tried([change], simpler=False, closer=True)
+            self._tried([change], simpler=False, enough=bears)
         while not self.left.spent:  # where one edge was far off, others show only after it
-            if not any(self._either(changes) for changes in zip_longest(self._chamfers(), self._roundings())):
+            widths = zip_longest(self._at_edges(chamfers), self._at_edges(roundings))
+            if not any(self._either(changes) for changes in widths):
                 break
         self.left = left
 
@@ -93,7 +98,7 @@ class Trials:
         self.left = Budget(_RUNGS * _MOST_MENDS, _MOST_MENDS)
         while not self.left.spent and not self.best.report["accepted"]:
             changes = [c for c in self._mends() if c.name not in self.refused]
-            if not any(self._tried([change], simpler=False, mending=True) for change in changes):
+            if not any(self._tried([change], simpler=False, enough=mends) for change in changes):
                 break
 
     def _rounded(self) -> None:
@@ -115,21 +120,14 @@ class Trials:
     def _mends(self) -> list[Change]:
         """Chamfers, two straight faces of revolution, what symmetries carry, planes for curved walls."""
         patches = self.job.patches
-        return [*self._chamfers(), *straightened(patches), *carried(patches), *angular(patches, square=True)]
+        return [*self._at_edges(chamfers), *straightened(patches), *carried(patches), *angular(patches, square=True)]
 
-    def _chamfers(self) -> list[Change]:
-        """Chamfers at edges that the images refuse."""
+    def _at_edges(self, propose: Changes) -> list[Change]:
+        """Chamfers, or roundings, at edges that the images refuse."""
         details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
         if self.best.report.get("accepted") is not False or not details or structure is None:
             return []
-        return chamfers(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
-
-    def _roundings(self) -> list[Change]:
-        """The same with straight edges rounded."""
-        details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
-        if self.best.report.get("accepted") is not False or not details or structure is None:
-            return []
-        return roundings(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
+        return propose(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
 
     def _fillets(self) -> list[Change]:
         """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
@@ -168,15 +166,13 @@ class Trials:
         changes: list[Change],
         simpler: bool = True,
         slack: float = _POINTS_SLACK,
-        mending: bool = False,
-        closer: bool = False,
+        enough: Enough | None = None,
     ) -> bool:
         """Whether changes were taken.
 
-        A share `slack` of the points may leave the solid for a simpler one; with `mending`, one of several wrong places
-        is enough; with `closer`, which the points like better, the images only have to bear them.
+        A share `slack` of the points may leave the solid for a simpler one. What would be refused is taken all the same
+        if it is `enough`: it `mends` one of several wrong places, or the points like it better and the images bear it.
         """
-        enough = mends if mending else bears if closer else None
         outcome = self._asked(changes, simpler, slack, enough)
         if outcome is None:
             return False

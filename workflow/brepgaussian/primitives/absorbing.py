@@ -15,7 +15,7 @@ from brepgaussian.geometry.fit import inliers, residuals
 from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.fitting import FACE_PRICE, errors
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, observations, owners, trimmed_rms
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, adjacent, observations, trimmed_rms
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
@@ -28,16 +28,14 @@ EXPLAINED = 0.65  # and where they do not, the share
 LARGER = 2.0  # times as many points as the patch that a neighbour must have
 STANDS_OFF = 0.012  # unit frame: no rounding of an edge by the hull (two voxels of it) stands off its faces by more
 OUTERMOST = 0.9  # quantile of the distances that tells it
-TOUCHING = 3  # neighbour pairs that make two patches adjacent
 
 
 def absorb(patches: list[Patch], cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> list[Patch]:
     """Drop the superfluous patches, smallest first; their points support nothing."""
     kept = list(patches)
     for patch in sorted(patches, key=lambda p: (len(p.members), p.labels)):
-        table = contacts(cloud, owners(kept, len(cloud.xyz)), len(kept))
         index = next(i for i, p in enumerate(kept) if p is patch)
-        neighbours = [kept[j] for j in np.flatnonzero(table[index] >= TOUCHING)]
+        neighbours = [kept[j] for j in np.flatnonzero(adjacent(kept, cloud)[index])]
         if _superfluous(patch, neighbours, cloud, noise):
             log.info("labels %s: %d points between larger faces, no face", list(patch.labels), len(patch.members))
             del kept[index]

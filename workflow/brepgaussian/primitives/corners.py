@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from brepgaussian.artifacts.primitives import Relation
 from brepgaussian.log import get_logger
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, adjacent
 
 Array = NDArray[np.float64]
 log = get_logger("primitives")
@@ -24,7 +24,7 @@ log = get_logger("primitives")
 _BESIDE = 8.0  # spacings, and noises, from a corner to points of each of its planes: few lie in a narrow wedge
 _MISSED = 1.5  # noises by which the fourth plane may pass beside the point of three: smooth errors are as large
 _LEAST_VOLUME = 0.05  # spanned by three normals: flatter ones have no certain point
-_TOUCHING = 3  # neighbour pairs that make two patches adjacent
+_HOLDS = 1e-6  # noises by which a corner's equation may be left
 _FIXED = 1e-12  # weight of the shift of a plane that a relation holds where it is
 
 Corner = tuple[int, int, int, int]
@@ -44,7 +44,7 @@ def meet(
         loose = np.array([_FIXED if i in held else 1 / max(len(p.members), 1) for i, p in enumerate(patches)])
         shift = -loose * (rows.T @ np.linalg.lstsq((rows * loose) @ rows.T, missed, rcond=1e-9)[0])
         left = np.abs(missed + rows @ shift)
-        if left.max() < _FIXED**0.5 * noise.distance and np.abs(shift).max() <= _MISSED * noise.distance:
+        if left.max() < _HOLDS * noise.distance and np.abs(shift).max() <= _MISSED * noise.distance:
             log.info("corners of four planes: %d", len(corners))
             return [_shifted(p, float(s), cloud) for p, s in zip(patches, shift, strict=True)], corners
         del corners[int(np.argmax(np.abs(missed)))]
@@ -54,7 +54,7 @@ def meet(
 def _corners(patches: Sequence[Patch], cloud: Cloud, noise: Noise) -> list[Corner]:
     """Fours of planes that pass near one point beside which all of them have points."""
     flat = [i for i, p in enumerate(patches) if p.surface.kind == "plane"]
-    table = contacts(cloud, owners(list(patches), len(cloud.xyz)), len(patches)) >= _TOUCHING
+    table = adjacent(patches, cloud)
     trees = {i: cKDTree(cloud.xyz[patches[i].members]) for i in flat}
     beside = _BESIDE * (cloud.spacing + noise.distance)
 
@@ -75,10 +75,7 @@ def _corners(patches: Sequence[Patch], cloud: Cloud, noise: Noise) -> list[Corne
             off = abs(float(patches[fourth].surface.signed_distance(point[None])[0]))
             if fourth in three or off > _MISSED * noise.distance:
                 continue
-            if (
-                table[fourth, list(three)].any()
-                and trees[fourth].query(point, distance_upper_bound=beside)[0] <= beside
-            ):
+            if table[fourth, list(three)].any() and reaches(fourth, point):
                 a, b, c, d = sorted((*three, fourth))
                 found.add((a, b, c, d))
     return sorted(found)

@@ -14,9 +14,8 @@ from brepgaussian.primitives.patches import (
     Indices,
     Noise,
     Patch,
-    contacts,
+    adjacent,
     observations,
-    owners,
     spreads,
     thinned,
 )
@@ -37,9 +36,8 @@ def merge_neighbours(patches: list[Patch], cloud: Cloud, noise: Noise, settings:
     patches = list(patches)
     tried: dict[tuple[tuple[int, int], tuple[int, int]], tuple[float, Surface | None]] = {}
     while len(patches) > 1:
-        touching = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))
         best, best_pair, best_surface = 1.0, None, None
-        for i, j in zip(*np.nonzero(np.triu(touching >= 3)), strict=True):
+        for i, j in zip(*np.nonzero(np.triu(adjacent(patches, cloud))), strict=True):
             key = (_key(patches[i]), _key(patches[j]))
             if key not in tried:
                 tried[key] = joint(patches[i], patches[j], cloud, noise, settings)

@@ -1,5 +1,6 @@
 """What the stage works on: the point cloud with its neighbourhoods, and patches of it with their surfaces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,7 @@ Indices = NDArray[np.int64]
 _ROUNDED = 2.0  # spacings from a curve within which points are rounded off
 _INNER_SHARE, _INNER_COUNT = 0.5, 30  # of a patch's points that must be left without them
 STRAY_SHARE = 0.03  # of a label: smaller islands are wrong labels
+TOUCHING = 3  # neighbour pairs that make two patches adjacent
 STRAY_COUNT = 8  # points; so are islands below this, unless the label is not much larger
 
 
@@ -141,7 +143,12 @@ def contacts(cloud: Cloud, owner: Indices, count: int) -> NDArray[np.int64]:
     return table + table.T
 
 
-def owners(patches: list[Patch], total: int) -> Indices:
+def adjacent(patches: Sequence[Patch], cloud: Cloud) -> NDArray[np.bool_]:
+    """(P, P) symmetric: which patches touch."""
+    return contacts(cloud, owners(patches, len(cloud.xyz)), len(patches)) >= TOUCHING
+
+
+def owners(patches: Sequence[Patch], total: int) -> Indices:
     """(N,) index of the patch that holds each point, -1 for none."""
     owner = np.full(total, -1, np.int64)
     for i, patch in enumerate(patches):

@@ -16,7 +16,7 @@ from brepgaussian.log import get_logger
 from brepgaussian.primitives import propose
 from brepgaussian.primitives.corners import meet
 from brepgaussian.primitives.ends import end_at
-from brepgaussian.primitives.patches import Cloud, Noise, Patch, contacts, owners, spreads
+from brepgaussian.primitives.patches import Cloud, Noise, Patch, adjacent, spreads
 from brepgaussian.primitives.propose import State
 from brepgaussian.primitives.relations import Link
 from brepgaussian.primitives.solve import EFFECTIVE, Evidence, covariance, gather, significance, solve
@@ -34,7 +34,6 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("bends", propose.bends),
     ("one surface", propose.same),
 )
-TOUCHING = 3  # neighbour pairs that make two patches adjacent
 MOST_SPREAD = 3.0  # noises: a patch with more is misfitted, not noisy
 WORSE = 1.2  # times its own residual that a patch may have after snapping
 BALANCED = 1.1  # product of both ratios below which a worse distance is made up for by better normals
@@ -54,9 +53,9 @@ def state_of(
     evidence = [gather(p, cloud, noise, cautious=True) for p in patches] if evidence is None else evidence
     surfaces = [p.surface for p in patches]
     covariances = [covariance(s, e) for s, e in zip(surfaces, evidence, strict=True)]
-    table = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))
+    touching = adjacent(patches, cloud)
     sizes, spread = [len(p.members) for p in patches], [min(p.rms, MOST_SPREAD * noise.distance) for p in patches]
-    return State(surfaces, covariances, sizes, table >= TOUCHING, noise, settings, spread, end_at(patches, cloud))
+    return State(surfaces, covariances, sizes, touching, noise, settings, spread, end_at(patches, cloud))
 
 
 class Snapping:

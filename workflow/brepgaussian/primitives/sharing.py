@@ -15,12 +15,11 @@ from brepgaussian.geometry.fit_choose import EFFECTIVE, PRICE
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.fitting import description, errors, fit_members
-from brepgaussian.primitives.patches import Cloud, Indices, Noise, Patch, contacts, owners, thinned, without_strays
+from brepgaussian.primitives.patches import Cloud, Indices, Noise, Patch, adjacent, thinned, without_strays
 from brepgaussian.settings.primitives import PrimitivesSettings
 
 log = get_logger("primitives")
 
-TOUCHING = 3  # neighbour pairs that make two patches adjacent
 REACH = 3.0  # noises from a simpler surface within which points of a label start it,
 ALIGNED = np.radians(8.0)  # and their normals: a fillet leaves the face that it touches slowly
 SAMPLES = 40  # of RANSAC
@@ -33,10 +32,10 @@ def share_out(patches: list[Patch], cloud: Cloud, noise: Noise, settings: Primit
     """Draw the borders between curved patches and their neighbours anew where both then are simpler or fit better."""
     patches = list(patches)
     for index in sorted(range(len(patches)), key=lambda k: (-len(patches[k].members), k)):
-        table = contacts(cloud, owners(patches, len(cloud.xyz)), len(patches))
+        touching = adjacent(patches, cloud)[index]
         best: tuple[float, int, Patch, Patch] | None = None
         for start in _simpler(patches[index], cloud, noise, settings):
-            for other in np.flatnonzero(table[index] >= TOUCHING).tolist():
+            for other in np.flatnonzero(touching).tolist():
                 if patches[other].surface.kind == "plane":
                     continue
                 found = _shared(patches[index], patches[other], start, cloud, noise, settings)

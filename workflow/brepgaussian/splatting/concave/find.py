@@ -21,7 +21,14 @@ from brepgaussian.splatting.concave.openings import (
     openings,
     rectify,
 )
-from brepgaussian.splatting.concave.planes import PITCH_PIXELS, PlanarRegion, Plane, lattice_over, planar_regions
+from brepgaussian.splatting.concave.planes import (
+    PARALLEL,
+    PITCH_PIXELS,
+    PlanarRegion,
+    Plane,
+    lattice_over,
+    planar_regions,
+)
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.standing import around_hubs
@@ -29,7 +36,6 @@ from brepgaussian.splatting.concave.standing import around_hubs
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
-_PARALLEL = 0.999  # cosine of 2.5 degrees
 _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 7.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
@@ -155,7 +161,7 @@ def _floor_of(region: PlanarRegion, known: Sequence[Prism], tolerance: float) ->
         along = float(region.normal @ prism.lattice.normal)
         center = region.offset * region.normal  # the plane's point nearest to the frame's origin
         height = float((prism.lattice.origin - center) @ prism.lattice.normal)
-        if along > _PARALLEL and abs(height - prism.depth) < tolerance and not prism.through:
+        if along > PARALLEL and abs(height - prism.depth) < tolerance and not prism.through:
             return prism
     return None
 

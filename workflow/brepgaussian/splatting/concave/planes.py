@@ -19,7 +19,7 @@ _NEAR_DIRECTION = 0.9  # cosine of 26 degrees: fits turn by less than the differ
 _MINIMUM_AREA = 0.002  # smaller lids hide nothing that a few pixels could show
 _REFITS = 6
 _BELOW = 0.99  # weight of what lies below a plane: a hull touches a face along contours and bulges between them
-_PARALLEL = 0.999  # cosine of 2.5 degrees: a region of which a part bulges is turned by less
+PARALLEL = 0.999  # cosine of 2.5 degrees: a region of which a part bulges is turned by less
 _MAXIMUM_TURN = 0.25  # rad: a strip of a cylinder turns more from one side to the other, a lid does not
 
 
@@ -54,7 +54,7 @@ class PlanarRegion(Plane):
         """The same triangles on the plane that passes within `near` of their middle, if one of those given does."""
         middle = vertices[triangles[self.triangles]].mean(axis=(0, 1))
         off = [
-            abs(float(p.normal @ middle) - p.offset) if p.normal @ self.normal > _PARALLEL else np.inf for p in planes
+            abs(float(p.normal @ middle) - p.offset) if p.normal @ self.normal > PARALLEL else np.inf for p in planes
         ]
         if not off or min(off) > near:
             return self

@@ -136,8 +136,8 @@ def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:
     removed = prism.contains(samples, 0.0)
     if lost_share(chords, removed) <= MOST_LOST:
         return cut
-    lost = np.repeat(lost_rays(chords, removed)[chords.ray], len(samples) // max(len(chords.ray), 1))
-    cells, _ = prism.lattice.coordinates(samples[lost])
+    lost = samples.reshape(len(chords.ray), -1, 3)[lost_rays(chords, removed)[chords.ray]].reshape(-1, 3)
+    cells, _ = prism.lattice.coordinates(lost)
     deep = prism.lateral(cells) < -_BESIDE_VOXELS * _FINER * prism.lattice.pitch
     if deep.any() and deep.mean() > _DEEP:
         return None
