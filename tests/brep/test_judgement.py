@@ -2,7 +2,7 @@
 
 import pytest
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.judgement import against, leaves_points, mends, short_of
+from brepgaussian.brep.judgement import against, bears, leaves_points, mends, short_of
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
@@ -72,3 +72,9 @@ def test_one_of_several_places_is_mended_though_the_worst_edge_stays(new, old, t
 def test_limits_of_nothing_are_no_fault():
     strict = BrepSettings(accept_astray=0.0, accept_iou=1.0, accept_disputed=0.0, accept_silhouette_px=0.0)
     assert mends(refused([2.0, 0.02], iou=0.999), refused([2.0, 2.0]), strict)
+
+
+def test_nothing_known_against_two_solids_is_no_reason_to_change_one():
+    unknown, known = solid(0.99, 0.5).report, refused([0.5])
+    assert bears(known, known, BrepSettings())
+    assert not any(bears(*pair, BrepSettings()) for pair in ((unknown, unknown), (unknown, known), (known, unknown)))

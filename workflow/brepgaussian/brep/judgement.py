@@ -76,7 +76,7 @@ def mends(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings
 def bears(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
     """Whether the images have nothing against a solid that they do not have against another one, too."""
     after, before = objections(new, settings), objections(old, settings)
-    if len(after) != len(before):
+    if not after or len(after) != len(before):  # not known of one of them
         return False
     return all(one <= _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
 
