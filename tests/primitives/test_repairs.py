@@ -80,6 +80,28 @@ def test_edge_values_decide_where_geometry_cannot():
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_the_straight_end_of_a_bent_pipe_is_no_strip_between_bend_and_flange(seed):
+    """The bend explains half of it, and edges show where it is turned most: at its other end."""
+    rng = np.random.default_rng(seed)
+    bend, tube, length = 0.43, 0.2, 0.11
+
+    def ring(count):
+        turn = rng.uniform(0, 2 * np.pi, count)[:, None]
+        return np.cos(turn) * X + np.sin(turn) * Y
+
+    around, at = ring(9000), rng.uniform(0, np.pi / 2, 9000)[:, None]
+    inward = np.cos(at) * X - np.sin(at) * Z  # from the middle of the pipe towards the bend's axis
+    out = around[:, :1] * inward + around[:, 1:2] * Y
+    torus = bend * X - bend * inward + tube * out + 0.2 * Z, out, np.zeros(9000)
+    around, up = ring(1600), rng.uniform(0, length, 1600)
+    straight = tube * around + (0.2 - length + up)[:, None] * Z, around, np.clip(1 - up / 0.03, 0, 1)
+    flange = (tube + rng.uniform(0, 0.2, 4000))[:, None] * ring(4000) + (0.2 - length) * Z, np.tile(Z, (4000, 1))
+    found = [p.surface for p in primitives_of(cloud([torus, straight, flange], rng, sigma=0.001), DEFAULT).items]
+    assert [s.kind for s in found] == ["torus", "cylinder", "plane"]
+    assert found[1].radius == pytest.approx(tube, abs=0.003)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_large_fillet_is_a_face_whatever_edges_the_images_show(seed):
     rng = np.random.default_rng(seed)
     points = cloud([*two_walls(rng, 0.07), strip(rng, 0.07, "rounded")], rng, sigma=0.001)

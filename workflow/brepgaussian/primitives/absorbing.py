@@ -9,6 +9,7 @@ faces, on a real strip at its borders.
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
 from brepgaussian.geometry.fit import inliers, residuals
@@ -28,6 +29,8 @@ EXPLAINED = 0.65  # and where they do not, the share
 LARGER = 2.0  # times as many points as the patch that a neighbour must have
 STANDS_OFF = 0.012  # unit frame: no rounding of an edge by the hull (two voxels of it) stands off its faces by more
 OUTERMOST = 0.9  # quantile of the distances that tells it
+WIDEST = 8.0  # spacings: no strip of a rounded edge reaches as far from the points of its neighbours (2 to 6),
+ALONE = 0.9  # unless it is a piece of one of them, which explains so much of it alone
 
 
 def absorb(patches: list[Patch], cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> list[Patch]:
@@ -49,7 +52,7 @@ def _superfluous(patch: Patch, neighbours: list[Patch], cloud: Cloud, noise: Noi
     xyz, normals = cloud.xyz[patch.members], cloud.normals[patch.members]
     near = [inliers(n.surface, xyz, normals, NEAR * noise.distance, LEANING) for n in larger]
     share = float(np.any(near, axis=0).mean())
-    if share < DOUBTFUL:
+    if share < DOUBTFUL or (max(n.mean() for n in near) < ALONE and _wide(patch, larger, cloud)):
         return False
     distance, turn = np.min([residuals(n.surface, xyz, normals) for n in larger], axis=0)
     if np.quantile(distance, OUTERMOST) > STANDS_OFF:
@@ -58,6 +61,13 @@ def _superfluous(patch: Patch, neighbours: list[Patch], cloud: Cloud, noise: Noi
     if abs(peak) >= PEAKED:
         return peak > 0
     return share > EXPLAINED and not _told_apart(patch, larger, cloud, noise)
+
+
+def _wide(patch: Patch, neighbours: list[Patch], cloud: Cloud) -> bool:
+    """Whether a patch reaches further from the points of its neighbours than a strip between them."""
+    others = cKDTree(cloud.xyz[np.concatenate([n.members for n in neighbours])])
+    far = others.query(cloud.xyz[patch.members])[0]
+    return bool(np.quantile(far, OUTERMOST) > WIDEST * cloud.spacing)
 
 
 def _told_apart(patch: Patch, larger: list[Patch], cloud: Cloud, noise: Noise) -> bool:
