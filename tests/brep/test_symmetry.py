@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from brepgaussian.brep.job import Job
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.symmetry import symmetric
+from brepgaussian.brep.symmetry import carried, symmetric
 from brepgaussian.geometry.fit_robust import fit_robust
 from brepgaussian.geometry.surfaces import cylinder, plane
 from brepgaussian.settings.brep import BrepSettings
@@ -110,6 +110,39 @@ def test_a_hole_in_two_pieces_is_like_the_others_of_its_ring(seed):
     assert kinds == ["cylinder"] * 7 + ["plane"] * 2
     (wall,) = job_of([holes[2]], turn, seed).patches
     assert min(p.surface.rms(wall.xyz) for p in found.patches) < 2 * NOISE
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slot_of_a_row_is_like_the_next_one(seed):
+    """No mirror carries it onto another one."""
+    turn = Rotation.random(random_state=seed + 30).as_matrix()
+    row = [wall for x in (0.22, 0.36, 0.5) for wall in slot(x)]
+    job = job_of([*box(), *row, merged(slot(0.64), "cylinder")], turn, seed)
+    (found,) = symmetric(job)
+    assert sorted(p.surface.kind for p in found.patches) == ["plane"] * 18
+    for wall in job_of([*slot(0.64)], turn, seed).patches:
+        alike = [p.surface for p in found.patches if p.surface.axis @ wall.surface.axis > 0.9999]
+        assert min(s.rms(wall.xyz) for s in alike) < 2 * NOISE
+
+
+def test_every_place_is_a_change_of_its_own():
+    turn = Rotation.random(random_state=40).as_matrix()
+    parts = [*box(), *slot(0.25), merged(slot(0.75), "cylinder"), hole(0.5, 0.35, 0.05), hole(0.5, 0.65, 0.05)]
+    _, xyz, normals = parts[-1]
+    pieces = [("plane", xyz[k], normals[k]) for k in (normals[:, 0] > 0, normals[:, 0] <= 0)]
+    both, *single = carried(job_of([*parts[:-1], *pieces], turn, 0).patches)
+    assert len(both.gone) == 3
+    assert sorted(c.gone for c in single) == [(9,), (11, 12)]
+    assert sorted(p.primitive for c in single for p in c.new if p.surface.kind == "cylinder") == [11]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_holes_apart_by_another_step_than_the_corners_stay(seed):
+    """Four holes and, nearly as far apart, four rounded corners: the corners' step is none of the holes."""
+    turn = Rotation.random(random_state=seed + 50).as_matrix()
+    holes = [hole(x, y) for x in (0.2, 0.8) for y in (0.3, 0.7)]
+    pegs = [hole(x, y, 0.05) for x in (0.35, 0.65) for y in (0.3, 0.708)]
+    assert carried(job_of([*box(), *holes, *pegs], turn, seed).patches) == []
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,19 +1,21 @@
 """What one side of a symmetric part shows well, put where the other side shows it badly.
 
-Ribs, slots and bolt holes come in pairs and rings, and labels that go wrong at one of them are often right at the
-next. A mirror or a rotation that carries most of the points onto points carries the well explained patches, too: where
-a patch arrives at points that worse ones share among them, it takes these. The images decide.
+Ribs, slots, teeth and bolt holes come in pairs, rows and rings, and labels that go wrong at one of them are often right
+at the next. A motion that carries most of the points onto points carries the well explained patches, too: where a patch
+arrives at points that worse ones share among them, it takes these. The images decide, on all together and on each
+place.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from networkx import Graph, connected_components
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from brepgaussian.brep.job import Job
+from brepgaussian.brep.motions import FEATURE, Symmetry, candidates
 from brepgaussian.brep.patches import Patch, next_number, supported
 from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.geometry.surfaces import Surface
@@ -21,42 +23,23 @@ from brepgaussian.geometry.surfaces import Surface
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_SURE = 1.5  # noises that a patch may be off which says where a symmetry is,
-_LARGE = 0.01  # and share of the points that it holds
-_SAME = np.cos(np.radians(3.0))  # between directions that are one
-_FOLDS = (2, 3, 4, 5, 6, 8, 12)  # of rotations
 _SAMPLED = 1500  # points that tell whether a symmetry holds
-_HOLDS = 0.8  # share of them that it carries onto points
+_HOLDS = 0.8  # share of them that it carries onto points,
+_STEPS_HOLD = 0.6  # of a step along a row: ends and holes do not come again
+_STAYS = 0.3  # share of them that a step of a row leaves in the part's box; only these are asked
 _NEAR = 1.5  # reaches within which a point arrives at another,
 _FACING = 0.7  # cosine between their normals
-_MOST = 6  # symmetries that are followed, best first
-_FEATURE = 0.05  # of all points: larger patches are no features that are mistaken
+_MOST = 6  # mirrors and rotations that are followed, best first, and as many steps of rows
 _ARRIVES = 0.6  # share of a patch's points that arrive at points
 _COUNTERPART = 0.6  # share of these that one patch has, and of its points: it is the same face
 _AGREES = 1.5  # times its own residual with the carried surface, then,
 _SAME_NOISES = 3.0  # or so many noises
+_WELL = 1.5  # noises: a face of the right kind with no more needs no other one's surface
 _LOSES = 0.6  # of its points that a patch loses to all together if it loses any,
 _TAKEN = 0.4  # and of the points where it arrives that the carried patch takes
 _LEFT, _KEPT = 0.5, 0.9  # of its points: a patch that keeps fewer is gone; one that keeps more stays as it is
 _LEAST_POINTS = 12
 _EXACT = 1e-9  # unit frame: noise of points that have none
-
-
-@dataclass(frozen=True)
-class Symmetry:
-    """x -> matrix (3, 3) x + shift (3,)."""
-
-    matrix: Array
-    shift: Array
-
-    def points(self, xyz: Array) -> Array:
-        """(N, 3) carried points."""
-        return np.asarray(xyz @ self.matrix.T + self.shift)
-
-    def surface(self, surface: Surface) -> Surface:
-        """The carried surface; a mirror keeps which side is outside."""
-        origin, axis = self.points(surface.origin[None])[0], self.matrix @ surface.axis
-        return replace(surface, origin=origin, axis=axis / np.linalg.norm(axis))
 
 
 class _Cloud:
@@ -89,68 +72,39 @@ class _Cloud:
 
 def symmetric(job: Job) -> Iterator[Job]:
     """The job with the patches that its symmetries carry to badly explained points, if there are any."""
-    yield from (applied(job, [change]) for change in carried(job.patches))
+    yield from (applied(job, [change]) for change in carried(job.patches)[:1])
 
 
 def carried(patches: Sequence[Patch]) -> list[Change]:
-    """The patches that symmetries carry to badly explained points, as one change; none if there are none."""
+    """The patches that symmetries carry to badly explained points: all as one change, then one for every place."""
     if len(patches) < 2:
         return []
     cloud = _Cloud(patches)
     noise = max(float(np.median([p.sigma for p in patches])), _EXACT)
-    change = _carried(patches, cloud, _symmetries(patches, cloud, noise), noise)
-    return [] if change is None else [change]
+    return _carried(patches, cloud, _symmetries(patches, cloud, noise), noise)
 
 
 def _symmetries(patches: Sequence[Patch], cloud: _Cloud, noise: float) -> list[Symmetry]:
-    """Mirrors and rotations that hold for most of the points, best first."""
+    """Mirrors, rotations and steps that hold for most of the points, best first."""
     step = max(1, len(cloud.xyz) // _SAMPLED)
     xyz, normals = cloud.xyz[::step], cloud.normals[::step]
-    held = [(float(cloud.arrived(s, xyz, normals).mean()), s) for s in _candidates(patches, cloud, noise)]
-    held = sorted((h for h in held if h[0] >= _HOLDS), key=lambda h: -h[0])
-    return [s for _, s in held[:_MOST]]
+    low, high = xyz.min(axis=0) - cloud.reach, xyz.max(axis=0) + cloud.reach
+    held: list[tuple[float, Symmetry]] = []
+    for s in candidates(patches, noise, cloud.reach):
+        moved = s.points(xyz)
+        inside = ((low <= moved) & (moved <= high)).all(axis=1) if s.step else np.ones(len(xyz), bool)
+        if inside.mean() >= _STAYS:
+            held.append((float(cloud.arrived(s, xyz[inside], normals[inside]).mean()), s))
+    held = sorted((h for h in held if h[0] >= (_STEPS_HOLD if h[1].step else _HOLDS)), key=lambda h: -h[0])
+    return [s for steps in (False, True) for s in [s for _, s in held if s.step == steps][:_MOST]]
 
 
-def _candidates(patches: Sequence[Patch], cloud: _Cloud, noise: float) -> Iterator[Symmetry]:
-    """Mirrors across the design's directions, rotations about its axes."""
-    sure = [p for p in patches if p.sigma <= _SURE * noise and len(p.xyz) >= _LARGE * len(cloud.xyz)]
-    sure.sort(key=lambda p: -len(p.xyz))
-    directions: list[Array] = []
-    for p in sure:
-        if p.surface.kind in ("plane", "cylinder") and all(abs(p.surface.axis @ d) < _SAME for d in directions):
-            directions.append(p.surface.axis)
-    axes: list[Surface] = []
-    for p in sure:
-        round_one = p.surface.kind in ("cylinder", "cone", "torus")
-        if round_one and not any(_one_line(p.surface, other, cloud.reach) for other in axes):
-            axes.append(p.surface)
-    for d in directions:
-        heights = cloud.xyz @ d
-        offsets = [(heights.min() + heights.max()) / 2]
-        offsets += [float(a.origin @ d) for a in axes if abs(a.axis @ d) < 1 - _SAME]
-        offsets.sort()
-        for offset in [o for k, o in enumerate(offsets) if k == 0 or o - offsets[k - 1] > cloud.reach / 2]:
-            yield Symmetry(np.eye(3) - 2 * np.outer(d, d), 2 * offset * d)
-    for axis in axes:
-        for folds in _FOLDS:
-            for turns in range(1, folds):
-                if np.gcd(turns, folds) == 1:
-                    matrix = Rotation.from_rotvec(2 * np.pi * turns / folds * axis.axis).as_matrix()
-                    yield Symmetry(matrix, axis.origin - matrix @ axis.origin)
-
-
-def _one_line(one: Surface, other: Surface, reach: float) -> bool:
-    apart = one.origin - other.origin
-    off = np.linalg.norm(apart - (apart @ other.axis) * other.axis)
-    return bool(abs(one.axis @ other.axis) > _SAME and off < reach / 2)
-
-
-def _carried(patches: Sequence[Patch], cloud: _Cloud, symmetries: Sequence[Symmetry], noise: float) -> Change | None:
-    """Patches carried to points that no patch as good explains, best explained ones first; None if there are none."""
+def _carried(patches: Sequence[Patch], cloud: _Cloud, symmetries: Sequence[Symmetry], noise: float) -> list[Change]:
+    """Patches carried to points that no patch as good explains, best explained ones first."""
     owner, current = cloud.owner.copy(), list(patches)
     order = sorted(range(len(patches)), key=lambda k: -_weight(patches[k], noise))
     rank = np.argsort(order)
-    small = [k for k in order if len(patches[k].xyz) <= _FEATURE * len(cloud.xyz)]
+    small = [k for k in order if len(patches[k].xyz) <= FEATURE * len(cloud.xyz)]
     landed = [_landings([patches[k] for k in small], small, cloud, s) for s in symmetries]
     losers = [_losers(landings, owner, rank) for landings in landed]
     sound: set[int] = set()  # patches that may not lose points any more
@@ -174,7 +128,7 @@ def _carried(patches: Sequence[Patch], cloud: _Cloud, symmetries: Sequence[Symme
             owner[mine] = len(current)
             sound.add(len(current))
             current.append(replace(patches[index], surface=surface, xyz=cloud.xyz[mine], normals=cloud.normals[mine]))
-    return _change(patches, current, owner, cloud) if len(current) > len(patches) else None
+    return _changes(patches, current, owner, cloud)
 
 
 def _landings(some: Sequence[Patch], names: Sequence[int], cloud: _Cloud, symmetry: Symmetry) -> dict[int, Indices]:
@@ -209,20 +163,40 @@ def _most(owners: Indices) -> tuple[int, int]:
 
 
 def _agrees(surface: Surface, patch: Patch, xyz: Array, noise: float) -> bool:
-    """Whether a patch's surface is the carried one: of its kind, and as good for its points."""
-    limit = max(_AGREES * patch.surface.rms(xyz), _SAME_NOISES * noise)
-    return surface.kind == patch.surface.kind and surface.rms(xyz) <= limit
+    """Whether a patch's surface is of the carried one's kind, and that is as good for its points or itself is good."""
+    own = patch.surface.rms(xyz)
+    near = surface.rms(xyz) <= max(_AGREES * own, _SAME_NOISES * noise)
+    return surface.kind == patch.surface.kind and (near or own <= _WELL * noise)
 
 
-def _change(patches: Sequence[Patch], current: Sequence[Patch], owner: Indices, cloud: _Cloud) -> Change:
+def _changes(patches: Sequence[Patch], current: Sequence[Patch], owner: Indices, cloud: _Cloud) -> list[Change]:
+    """All carried patches as one change, then one for every place: those that take points from the same patches."""
+    new = range(len(patches), len(current))
+    lost = np.bincount(cloud.owner[owner >= len(patches)], minlength=len(patches))
+    change = lost > (1 - _KEPT) * np.bincount(cloud.owner, minlength=len(patches))
+    places = Graph()
+    places.add_nodes_from(new)
+    for k in new:
+        places.add_edges_from((k, -1 - int(old)) for old in np.unique(cloud.owner[owner == k]) if change[old])
+    groups = [sorted(k for k in group if k >= 0) for group in connected_components(places)]
+    return [
+        _change(patches, current, np.where(np.isin(owner, group), owner, cloud.owner), cloud, group)
+        for group in ([list(new)] if len(groups) == 1 else [list(new), *groups])
+        if group
+    ]
+
+
+def _change(
+    patches: Sequence[Patch], current: Sequence[Patch], owner: Indices, cloud: _Cloud, new: Sequence[int]
+) -> Change:
     """Patches that lost points, and what takes their place."""
     kept = [int((owner == k).sum()) for k in range(len(patches))]
     gone = [k for k, p in enumerate(patches) if kept[k] < _KEPT * len(p.xyz)]
     stay = [k for k in gone if kept[k] >= max(_LEFT * len(patches[k].xyz), _LEAST_POINTS)]
-    new = [supported(patches[k], patches[k].surface, cloud.xyz[owner == k], cloud.normals[owner == k]) for k in stay]
+    left = [supported(patches[k], patches[k].surface, cloud.xyz[owner == k], cloud.normals[owner == k]) for k in stay]
     numbers = [patches[k].primitive for k in gone if k not in stay]
     first = next_number(patches)
-    carried = list(current[len(patches) :])
-    numbers += range(first, first + max(len(carried) - len(numbers), 0))
-    new += [replace(p, primitive=n) for p, n in zip(carried, numbers, strict=False)]
-    return Change(f"{len(carried)} patches by symmetry", tuple(gone), tuple(new))
+    numbers += range(first, first + max(len(new) - len(numbers), 0))
+    carried = [replace(current[k], primitive=n) for k, n in zip(new, numbers, strict=False)]
+    names = ", ".join(str(patches[k].primitive) for k in gone) or "none"
+    return Change(f"{len(new)} for patches {names} by symmetry", tuple(gone), (*left, *carried))
