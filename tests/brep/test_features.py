@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brep_support import patches_of
-from brepgaussian.brep.features import WIDTHS, chamfers
+from brepgaussian.brep.features import WIDTHS, apart, chamfers
 from brepgaussian.brep.structure import Edge, Structure
 from brepgaussian.geometry.surfaces import cylinder, plane
 
@@ -80,3 +80,24 @@ def test_an_edge_between_planes_gets_a_plane():
 def test_nothing_is_proposed_without_a_reason(edge, rows):
     surfaces, patches = round_case(False)
     assert chamfers(Structure((), (edge,), ()), surfaces, patches, rows) == []
+
+
+def test_an_edge_of_a_face_that_would_lose_its_points_leaves_the_others_their_chamfers():
+    surfaces, patches = round_case(False)
+    line = np.column_stack([np.linspace(0.4, 0.6, 80), np.full(80, 0.5), np.full(80, HEIGHT)])
+    narrow = plane(line[0], np.array([0, 1.0, 0]))
+    strip = np.column_stack([line[:, 0], line[:, 1], HEIGHT - 0.008 * np.random.default_rng(2).random(80)])
+    edges = rim(), Edge((1, 2), (2, 3), "line", line, "convex", (1, 2), (0, 0.2), False)
+    both = [*surfaces, narrow], [*patches, *patches_of([narrow], [strip])]
+    found = chamfers(Structure((), edges, ()), *both, table(4.0) + table(4.0, "edge 1"))
+    for change, alone in zip(found, chamfers(Structure((), edges[:1], ()), surfaces, patches, table(4.0)), strict=True):
+        assert (change.name, change.gone) == (alone.name, alone.gone)
+        assert [len(p.xyz) for p in change.new] == [len(p.xyz) for p in alone.new]
+
+
+def test_refused_edges_are_asked_pair_by_pair_worst_first():
+    line = Edge((1, 2), (2, 3), "line", np.zeros((2, 3)), "convex", (1, 2), (0, 0.2), False)
+    structure = Structure((), (rim(), line, rim(), line), ())
+    rows = table(1.5) + table(4.0, "edge 1") + table(2.0, "edge 2") + table(0.1, "edge 3")
+    assert [[row["name"] for row in t] for t in apart(structure, rows)] == [["edge 1"], ["edge 0", "edge 2"]]
+    assert apart(structure, table(1.0) + table(2.0, "edge 2")) == []  # one pair: asked already

@@ -42,3 +42,16 @@ def test_the_middle_of_an_arc_is_a_rounding_of_both_neighbours(sign):
 def test_a_chamfer_stays_a_plane():
     along = np.random.default_rng(3).random((400, 1))
     assert slants(corner(np.column_stack([along, 1 - along]) * 0.06, 1.0)) == []
+
+
+def test_where_an_edge_is_refused_the_flat_middle_of_an_arc_may_be_a_rounding():
+    """Points of 20 degrees, which a plane explains as well; other slants are not asked."""
+    angle = np.radians(np.random.default_rng(3).uniform(215, 235, 400))
+    patches = corner(R + R * np.column_stack([np.cos(angle), np.sin(angle)]), 1.0)
+    patches[2].xyz[:, :2] += 0.0015 * np.random.default_rng(5).normal(size=(400, 2))
+    patches[2] = type(patches[2])(patches[2].surface, 2, patches[2].xyz, patches[2].normals, 0.02, 0.0016)
+    assert slants(patches) == []
+    assert slants(patches, {0}) == []
+    (change,) = slants(patches, {0, 2})
+    assert change.new[0].surface.radius == pytest.approx(R, abs=0.01)
+    assert slants(corner(np.random.default_rng(3).random((400, 1)) * [0.06, -0.06] + [0, 0.06], 1.0), {2}) == []

@@ -24,13 +24,15 @@ Maker = Callable[[tuple[Surface, Surface], Edge], tuple[Surface, Array] | None]
 WIDTHS = (0.03, 0.015, 0.06)  # of the legs, unit frame: the refinement's windows reach from one to the next
 _BAD_PX = 0.5  # median silhouette residual of an edge that is not where the solid has it
 _SHARE_OF_WORST = 0.25  # and of the worst edge's: one wrong edge draws others with it
-_PARALLEL = 1e-3  # sine between a plane's normal and a cylinder's axis whose circle is chamfered
+# Sine between a plane's normal and the axis of a cylinder whose circle is chamfered: a refused edge turns either.
+_PARALLEL = 0.05
 _ACROSS = 0.9  # |cosine| between planes whose edge is too blunt or too sharp for a chamfer
 SPACING = 0.006  # of the points that stand for a chamfer, unit frame
 _MARGIN = 0.05  # of a narrow face's width without made points, at either end
 _REACH = 2.0  # spacings
 _LEAST_LEFT = 0.3  # of a neighbour's points that must remain
 _LEAST_LENGTH = 2.0  # widths: length of an edge that is worth it
+_ONE = 0.25  # widths by which two edges' faces differ that are pieces of one
 
 
 def chamfers(
@@ -64,6 +66,19 @@ def bad_edges(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[
     return [k for k in sorted(px) if px[k] > limit and structure.edges[k].convexity == CONVEX]
 
 
+def apart(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
+    """The acceptance test's table for the refused edges of one pair of faces each, worst first; none if it is one pair.
+
+    A chamfer that belongs on one of them and not on the next makes no better solid with both.
+    """
+    rows = {str(row["name"]): row for row in edges}
+    found: dict[tuple[int, ...], list[Mapping[str, Any]]] = {}
+    for k in bad_edges(structure, edges):
+        found.setdefault(tuple(sorted(structure.edges[k].surfaces)), []).append(rows[f"edge {k}"])
+    tables = sorted(found.values(), key=lambda table: -max(row["silhouette_px"] for row in table))
+    return tables if len(tables) > 1 else []
+
+
 def _chamfered(
     edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float
 ) -> Change | None:
@@ -85,7 +100,9 @@ def chamfer_of(width: float) -> Maker:
 def placed(
     edges: Sequence[Edge], surfaces: Sequence[Surface], patches: Sequence[Patch], width: float, make: Maker, what: str
 ) -> Change | None:
-    """Narrow faces on edges, with what remains of the neighbours' points; None if there are none or too little is left.
+    """Narrow faces on edges, with what remains of the neighbours' points; None if there are none.
+
+    Edges of a neighbour that would be left with too little stay as they are.
 
     Args:
         edges, surfaces, patches: of a solid.
@@ -93,33 +110,46 @@ def placed(
         make: a face and points (N, 3) on it for an edge's two surfaces and the edge; None if there is none.
         what: for the change's name.
     """
-    bands: list[tuple[Surface, Array]] = []
+    bands = []
+    for edge in edges:
+        if max(edge.surfaces) < len(patches) and min(edge.surfaces) >= 0 and len(edge.polyline) >= 2:
+            band = make((surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]]), edge)
+            bands += [] if band is None else [(edge, band)]
+    while bands:
+        left = _trimmed(patches, [edge for edge, _ in bands], width)
+        poor = {index for index, patch in left.items() if len(patch.xyz) < _LEAST_LEFT * len(patches[index].xyz)}
+        if not poor:
+            new = _numbered(_joined(bands, width), patches)
+            return Change(f"{len(new)} {what}", tuple(left), (*left.values(), *new))
+        bands = [(edge, band) for edge, band in bands if poor.isdisjoint(edge.surfaces)]
+    return None
+
+
+def _joined(bands: Sequence[tuple[Edge, tuple[Surface, Array]]], width: float) -> list[tuple[Surface, Array]]:
+    """One face for all edges of one pair of faces where the longest edge's face passes through the others', too."""
+    result: list[tuple[tuple[int, ...], Surface, Array]] = []
+    for edge, (surface, points) in sorted(bands, key=lambda b: -len(b[1][1])):
+        pair = tuple(sorted(edge.surfaces))
+        for k, (other, known, own) in enumerate(result):
+            if other == pair and np.abs(known.signed_distance(points)).max() < _ONE * width:
+                result[k] = other, known, np.concatenate([own, known.project(points)])
+                break
+        else:
+            result.append((pair, surface, points))
+    return [(surface, points) for _, surface, points in result]
+
+
+def _trimmed(patches: Sequence[Patch], edges: Sequence[Edge], width: float) -> dict[int, Patch]:
+    """The patches (by index) beside edges without their points within a width of these."""
     lines: dict[int, list[Array]] = {}
     for edge in edges:
-        if max(edge.surfaces) >= len(patches) or min(edge.surfaces) < 0 or len(edge.polyline) < 2:
-            continue
-        band = make((surfaces[edge.surfaces[0]], surfaces[edge.surfaces[1]]), edge)
-        if band is None:
-            continue
-        bands.append(band)
         for s in edge.surfaces:
             lines.setdefault(s, []).append(edge.polyline)
-    left = _trimmed(patches, lines, width)
-    if not bands or left is None:
-        return None
-    new = _numbered(bands, patches)
-    return Change(f"{len(new)} {what}", tuple(sorted(lines)), (*left, *new))
-
-
-def _trimmed(patches: Sequence[Patch], lines: Mapping[int, Sequence[Array]], width: float) -> list[Patch] | None:
-    """Patches (by index) without their points within a width of lines; None if too little is left of one."""
-    result = []
+    result = {}
     for index, near in sorted(lines.items()):
         patch = patches[index]
         away = cKDTree(np.concatenate(near)).query(patch.xyz)[0] > width
-        if away.mean() < _LEAST_LEFT:
-            return None
-        result.append(replace(patch, xyz=patch.xyz[away], normals=patch.normals[away]))
+        result[index] = replace(patch, xyz=patch.xyz[away], normals=patch.normals[away])
     return result
 
 

@@ -1,6 +1,6 @@
 """Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
-from brepgaussian.brep.features import chamfers
+from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, bears, mends, short_of, size
 from brepgaussian.brep.patches import Patch
@@ -19,7 +19,7 @@ from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import fillets, roundings
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
-from brepgaussian.brep.slants import slants
+from brepgaussian.brep.slants import refused_slants, slants
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import carried
 from brepgaussian.brep.verdict import Verdict
@@ -85,11 +85,20 @@ class Trials:
         left, self.left = self.left, Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
         for change in slants(self.job.patches):  # before chamfers, which could stand for a rounding
             self._tried([change], simpler=False, enough=bears)
-        while not self.left.spent:  # where one edge was far off, others show only after it
-            widths = zip_longest(self._at_edges(chamfers), self._at_edges(roundings))
-            if not any(self._either(changes) for changes in widths):
-                break
+        for change in self._at_edges(refused_slants):
+            self._tried([change], simpler=False, enough=mends)
+        for alone in (False, True):
+            while not self.left.spent:  # where one edge was far off, others show only after it
+                if not any(self._either(changes) for changes in self._widths(alone)):
+                    break
+            self.left = Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
         self.left = left
+
+    def _widths(self, alone: bool) -> Iterator[tuple[Change | None, ...]]:
+        """Chamfers and roundings of one width on all refused edges, or on those of one pair of faces alone."""
+        known = self._refused()
+        for table in () if known is None else apart(*known) if alone else [known[1]]:
+            yield from zip_longest(self._at_edges(chamfers, table), self._at_edges(roundings, table))
 
     def _mended(self) -> None:
         """Try other walls where the images still refuse the solid, one place after the other."""
@@ -122,12 +131,19 @@ class Trials:
         patches = self.job.patches
         return [*self._at_edges(chamfers), *straightened(patches), *carried(patches), *angular(patches, square=True)]
 
-    def _at_edges(self, propose: Changes) -> list[Change]:
-        """Chamfers, or roundings, at edges that the images refuse."""
+    def _at_edges(self, propose: Changes, table: Sequence[Mapping[str, Any]] | None = None) -> list[Change]:
+        """Chamfers, roundings, or slants as these, at edges that the images refuse; at those of a table only."""
+        known = self._refused()
+        if known is None:
+            return []
+        return propose(known[0], self.best.attempt.surfaces, self.job.patches, known[1] if table is None else table)
+
+    def _refused(self) -> tuple[Structure, Sequence[Mapping[str, Any]]] | None:
+        """The structure and the table of edges of a solid that the images refuse."""
         details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
         if self.best.report.get("accepted") is not False or not details or structure is None:
-            return []
-        return propose(structure, self.best.attempt.surfaces, self.job.patches, details["edges"])
+            return None
+        return structure, details["edges"]
 
     def _fillets(self) -> list[Change]:
         """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
