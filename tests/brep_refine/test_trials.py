@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitive, Primitives
+from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.damage import damaged
+from brepgaussian.brep.job import Attempt, Rung
 from brepgaussian.brep.ladder import climb, make_job
-from brepgaussian.brep.polish import badness
+from brepgaussian.brep.polish import Polished, badness
 from brepgaussian.brep.refine.accept import Acceptance
 from brepgaussian.brep.refine.refinement import better
+from brepgaussian.brep.simplify import Change
+from brepgaussian.brep.trials import Trials
+from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker
 from brepgaussian.geometry.surfaces import cone
 from brepgaussian.primitives.stage import primitives_of
@@ -103,3 +108,16 @@ def test_badness_is_in_units_of_the_limits():
 )
 def test_short_of_acceptance_no_figure_may_get_clearly_worse(after, expected):
     assert better(Acceptance(*after), Acceptance(0.101, 0.9987, 0.0, False)) is expected
+
+
+def test_what_silhouettes_refuse_by_far_is_not_refined(part):
+    class Hollow:
+        def call(self, *_):
+            return Attempt("support", b"hollow", Verdict((), iou=0.5))
+
+    best = Polished(Attempt("support", b"solid", Verdict((), iou=0.99)), {"accepted": False})
+    job = make_job(*part, SETTINGS)
+    trials = Trials(Hollow(), None, job, Rung("support", 0.04), best, Budget(2, 2))  # no views: refining would fail
+    assert not trials._tried([Change("something else", (), ())], simpler=False)
+    assert trials.notes == [{"changes": ["something else"], "fault": "silhouettes are off by far"}]
+    assert trials.left.refinements == 2

@@ -33,7 +33,7 @@ Enough = Callable[[Mapping[str, Any], Mapping[str, Any], BrepSettings], bool]
 Changes = Callable[[Structure, Sequence[Surface], Sequence[Patch], Sequence[Mapping[str, Any]]], list[Change]]
 
 _RUNGS = 2  # that a change is built on, at most
-_MOST_EDGED = 6  # changed edges that are refined where the images refuse a solid: as many widths and kinds
+_MOST_EDGED = 6  # changed edges that are refined until one is taken: as many widths and kinds
 _MOST_MENDS = 8  # that are refined where the images refuse a solid
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
@@ -88,10 +88,9 @@ class Trials:
         for change in self._at_edges(refused_slants):
             self._tried([change], simpler=False, enough=mends)
         for alone in (False, True):
-            while not self.left.spent:  # where one edge was far off, others show only after it
-                if not any(self._either(changes) for changes in self._widths(alone)):
-                    break
             self.left = Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
+            while any(self._either(changes) for changes in self._widths(alone)):
+                self.left = Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)  # where one edge was far off, others show now
         self.left = left
 
     def _widths(self, alone: bool) -> Iterator[tuple[Change | None, ...]]:
@@ -243,6 +242,8 @@ class Trials:
                 fault = "no simpler"
             elif simpler and _explains_less(verdict, before, slack):
                 fault = "the points are explained less"
+            elif _off(verdict, before, job.settings):
+                fault = "silhouettes are off by far"
             else:
                 self.left.refinements -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
@@ -252,6 +253,13 @@ class Trials:
                 if not fault:
                     return "", (job, rung, polished)
         return fault, None
+
+
+def _off(verdict: Verdict, before: Verdict, settings: BrepSettings) -> bool:
+    """Whether coarse silhouettes refuse a solid more than the present one: no refinement moves faces that far."""
+    if verdict.iou is None or before.iou is None:
+        return False
+    return verdict.iou < min(before.iou, settings.gate_iou)
 
 
 def _explains_less(verdict: Verdict, before: Verdict, slack: float) -> bool:
