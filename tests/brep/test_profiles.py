@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.profiles import straightened
+from brepgaussian.brep.profiles import grooved, straightened
 from brepgaussian.geometry.fit import fit_robust
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus, unit
 
@@ -72,3 +72,39 @@ def test_a_cone_stays_a_cone(seed):
     sink = cone(np.zeros(3), np.array([0, 0, 1.0]), 0.05, np.radians(40), flipped=True)
     points = turned(sink, sink.axis, np.zeros(3), (0.05, 0.05 + 0.06 * np.tan(sink.angle)), (0, 0.06), 800, rng)
     assert straightened([as_patch(*points, sink)]) == []
+
+
+@pytest.mark.parametrize("seed", [61, 62, 63])
+def test_a_rounded_off_groove_is_two_walls_and_a_floor(seed):
+    """Walls that lean by 15 degrees, as in a hull, under one label with the floor."""
+    rng = np.random.default_rng(seed)
+    axis, middle = unit(rng.normal(size=3)), rng.uniform(0.4, 0.6, 3)
+    lean = np.radians(75)
+    walls = [cone(middle + s * 0.02 * axis, s * axis, 0.1, lean) for s in (-1, 1)]
+    depth = 0.03
+    parts = [
+        turned(walls[0], axis, middle, (0.1, 0.1 + depth), (-0.02, -0.02 - depth / np.tan(lean)), 400, rng),
+        turned(cylinder(middle, axis, 0.1), axis, middle, (0.1, 0.1), (-0.02, 0.02), 700, rng),
+        turned(walls[1], axis, middle, (0.1, 0.1 + depth), (0.02, 0.02 + depth / np.tan(lean)), 400, rng),
+    ]
+    xyz, normals = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+    own = fit_robust("torus", xyz, normals, NOISE)[0]
+    patch = as_patch(xyz, normals, own)
+    (change,) = grooved([patch])
+    by_height = sorted(change.new, key=lambda p: float((p.xyz.mean(axis=0) - middle) @ axis))
+    assert [p.surface.kind for p in by_height] == ["plane", "cylinder", "plane"]
+    assert by_height[1].surface.radius == pytest.approx(0.1, abs=0.002)
+    heights = [float((p.surface.origin - middle) @ axis) for p in (by_height[0], by_height[2])]
+    np.testing.assert_allclose(heights, [-0.024, 0.024], atol=0.003)
+    assert float(by_height[0].surface.axis @ axis) > 0.999 > -0.999 > float(by_height[2].surface.axis @ axis)
+    assert len({p.primitive for p in change.new}) == 3
+
+
+@pytest.mark.parametrize("seed", [71, 72])
+def test_a_half_round_groove_stays_a_torus(seed):
+    rng = np.random.default_rng(seed)
+    ring = torus(np.zeros(3), np.array([0, 0, 1.0]), 0.2, 0.04)
+    turn, around = rng.uniform(0, 2 * np.pi, 2000), rng.uniform(np.pi / 2, 3 * np.pi / 2, 2000)
+    r, z = 0.2 + 0.04 * np.cos(around), 0.04 * np.sin(around)
+    xyz = np.column_stack([r * np.cos(turn), r * np.sin(turn), z]) + rng.normal(0, NOISE, (2000, 3))
+    assert grooved([as_patch(xyz, -ring.normals(xyz), fit_robust("torus", xyz, -ring.normals(xyz), NOISE)[0])]) == []

@@ -16,7 +16,7 @@ from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished, badness
-from brepgaussian.brep.profiles import straightened
+from brepgaussian.brep.profiles import grooved, straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
@@ -90,7 +90,7 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     """The job without skins, with smooth fillets, with planes for curved walls, with what symmetries carry, with
-    straight profiles.
+    straight profiles, with grooves.
     """
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)
@@ -108,6 +108,9 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
         yield from bared(apart)
         yield apart
         yield from symmetric(apart)
+    grooves = grooved(job.patches)
+    if grooves:
+        yield applied(job, grooves)
 
 
 def bared(job: Job) -> Iterator[Job]:

@@ -1,12 +1,13 @@
-"""Patches that are two straight faces of revolution under one label, such as a countersink and its throat.
+"""Patches that are two or three straight faces of revolution under one label: a countersink and its throat, a groove.
 
 A narrow cone and the short cylinder below it have one grey, and the points round off the edge between them: a torus
 explains both, and a cone does badly. Two straight pieces of the profile - distance from the axis over height -
-explain it as well as the torus, and better than the cone.
+explain it as well as the torus, and better than the cone. A narrow groove's walls and floor, rounded off by the hull,
+are a torus, too: three pieces explain it clearly better.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,14 @@ _ALONG = np.cos(np.radians(8.0))  # between the torus's axis and the normal of a
 # Residuals of two lines over the surface's own. Torus: .9-1.0 for countersinks, from 1.2 for fillets. Of a straight
 # surface two lines explain any bulge better (.8-1.0): .5-.7 for countersinks.
 _AS_WELL = {"torus": 1.1, "cone": 0.75, "cylinder": 0.75}
+_GROOVE = 0.8  # residual of a groove's three lines over the surface's own, at most: a fillet's arc leaves more
+_WALLED = ("plane", "cylinder", "plane")  # kinds of a groove's pieces
 _LEAST_SHARE = 0.1  # of the points on each piece
 _LEAST_POINTS = 20
 _LEAST_TURN = np.radians(10.0)  # between the pieces
-_SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, is a cylinder or a plane
+_SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, is a cylinder or a plane,
+_LEANING = np.radians(25.0)  # or this near in a groove, which narrows in a hull
+_BREAKS = 160  # places along a profile at which pieces of a groove may meet
 
 
 def straightened(patches: Sequence[Patch]) -> list[Change]:
@@ -43,8 +48,53 @@ def straightened(patches: Sequence[Patch]) -> list[Change]:
     return result
 
 
-def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None:
-    """The two straight pieces of a patch, or None if its own surface explains the profile better."""
+def grooved(patches: Sequence[Patch]) -> list[Change]:
+    """One change for every patch that is a groove around an axis: two walls and a floor in its place."""
+    result: list[Change] = []
+    number = next_number(patches)
+    for i, patch in enumerate(patches):
+        if patch.surface.kind not in _AS_WELL:
+            continue
+        pieces = _groove(patch, [p for k, p in enumerate(patches) if k != i])
+        if pieces is not None:
+            names = patch.primitive, number, number + 1
+            number += 2
+            new = tuple(replace(p, primitive=name) for p, name in zip(pieces, names, strict=True))
+            result.append(Change(f"patch {patch.primitive} as a groove", (i,), new))
+    return result
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """A patch around an axis, its points in order along the profile.
+
+    Attributes:
+        patch: whose points these are.
+        through, axis: (3,) a point on the axis and its unit direction.
+        order: (N,) indices of the patch's points.
+        points: (N, 2) distance from the axis and height; slope: (N, 2) the same of the normals.
+    """
+
+    patch: Patch
+    through: Array
+    axis: Array
+    order: NDArray[np.intp]
+    points: Array
+    slope: Array
+
+    @property
+    def least(self) -> int:
+        """Points of the smallest piece."""
+        return max(int(_LEAST_SHARE * len(self.order)), _LEAST_POINTS)
+
+    def piece(self, part: slice, square: float = _SQUARE) -> Patch:
+        """The straight surface of some successive points."""
+        index = self.order[part]
+        surface = _straight(self.points[part], self.slope[part], self.through, self.axis, square)
+        return supported(self.patch, surface, self.patch.xyz[index], self.patch.normals[index])
+
+
+def _profile(patch: Patch, others: Sequence[Patch]) -> _Profile:
     axis, through = _axis(patch, others)
     offset = patch.xyz - through
     height = offset @ axis
@@ -55,21 +105,43 @@ def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None
     )
     profile = np.column_stack([radius, height])  # (N, 2)
     order = _along(profile, slope)
-    profile, slope = profile[order], slope[order]
-    count = len(order)
-    least = max(int(_LEAST_SHARE * count), _LEAST_POINTS)
+    return _Profile(patch, through, axis, order, profile[order], slope[order])
+
+
+def _groove(patch: Patch, others: Sequence[Patch]) -> list[Patch] | None:
+    """Wall, floor and wall of a groove, or None if the patch is none."""
+    profile = _profile(patch, others)
+    count, least = len(profile.order), profile.least
+    if count < 3 * least:
+        return None
+    breaks = np.unique(np.linspace(least, count - least, _BREAKS).astype(int))
+    before, after = _misfits(profile.points)[breaks - 1], _misfits(profile.points[::-1])[::-1][breaks]
+    between = np.full((len(breaks), len(breaks)), np.inf)
+    for k, start in enumerate(breaks):
+        ends = breaks >= start + least
+        between[k, ends] = _misfits(profile.points[start:])[breaks[ends] - start - 1]
+    total = before[:, None] + between + after
+    first, second = np.unravel_index(int(np.argmin(total)), total.shape)
+    if not np.sqrt(total[first, second] / count) <= _GROOVE * patch.surface.rms(patch.xyz):
+        return None
+    parts = [slice(0, breaks[first]), slice(breaks[first], breaks[second]), slice(breaks[second], count)]
+    pieces = [profile.piece(part, _LEANING) for part in parts]
+    up, down = (float(profile.slope[part, 1].mean()) for part in (parts[0], parts[2]))
+    return pieces if tuple(p.surface.kind for p in pieces) == _WALLED and up * down < 0 else None
+
+
+def _pieces(patch: Patch, others: Sequence[Patch]) -> tuple[Patch, Patch] | None:
+    """The two straight pieces of a patch, or None if its own surface explains the profile better."""
+    profile = _profile(patch, others)
+    count, least = len(profile.order), profile.least
     if count < 2 * least:
         return None
-    before, after = _misfits(profile), _misfits(profile[::-1])[::-1]
+    before, after = _misfits(profile.points), _misfits(profile.points[::-1])[::-1]
     at = least + int(np.argmin(before[least - 1 : count - least] + after[least : count - least + 1]))
     if np.sqrt((before[at - 1] + after[at]) / count) > _AS_WELL[patch.surface.kind] * patch.surface.rms(patch.xyz):
         return None
-    found = []
-    for part in (slice(0, at), slice(at, count)):
-        index = order[part]
-        surface = _straight(profile[part], slope[part], through, axis)
-        found.append(supported(patch, surface, patch.xyz[index], patch.normals[index]))
-    middles = [slope[:at].mean(axis=0), slope[at:].mean(axis=0)]
+    found = [profile.piece(part) for part in (slice(0, at), slice(at, count))]
+    middles = [profile.slope[:at].mean(axis=0), profile.slope[at:].mean(axis=0)]
     turn = np.arctan2(*middles[0]) - np.arctan2(*middles[1])
     return (found[0], found[1]) if abs(np.angle(np.exp(1j * turn))) > _LEAST_TURN else None
 
@@ -109,7 +181,7 @@ def _misfits(profile: Array) -> Array:
     return np.asarray(np.maximum((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy), 0))
 
 
-def _straight(profile: Array, slope: Array, through: Array, axis: Array) -> Surface:
+def _straight(profile: Array, slope: Array, through: Array, axis: Array, square: float) -> Surface:
     """The plane, cylinder or cone whose profile is the best line through points (N, 2) with normals (N, 2)."""
     middle = profile.mean(axis=0)
     along = np.linalg.svd(profile - middle, full_matrices=False)[2][0]
@@ -117,10 +189,10 @@ def _straight(profile: Array, slope: Array, through: Array, axis: Array) -> Surf
     normal *= np.sign(normal @ slope.mean(axis=0)) or 1.0
     center = through + middle[1] * axis
     tilt = np.arcsin(min(abs(normal[1]), 1.0))  # 0 for a cylinder
-    if tilt > np.pi / 2 - _SQUARE:
+    if tilt > np.pi / 2 - square:
         return plane(center, np.sign(normal[1]) * axis)
     flipped = bool(normal[0] < 0)
-    if tilt < _SQUARE:
+    if tilt < square:
         return cylinder(center, axis, middle[0], flipped)
     widens = axis if (along[0] * along[1] > 0) else -axis
     return cone(center, widens, middle[0], tilt, flipped)

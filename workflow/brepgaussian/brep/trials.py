@@ -14,7 +14,7 @@ from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import against, bears, mends, short_of, size
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
-from brepgaussian.brep.profiles import straightened
+from brepgaussian.brep.profiles import grooved, straightened
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import fillets, roundings
 from brepgaussian.brep.sections import angular
@@ -126,9 +126,10 @@ class Trials:
         return self.best
 
     def _mends(self) -> list[Change]:
-        """Chamfers, two straight faces of revolution, what symmetries carry, planes for curved walls."""
+        """Chamfers, straight faces of revolution, what symmetries carry, planes for curved walls."""
         patches = self.job.patches
-        return [*self._at_edges(chamfers), *straightened(patches), *carried(patches), *angular(patches, square=True)]
+        turned = [*straightened(patches), *grooved(patches)]
+        return [*self._at_edges(chamfers), *turned, *carried(patches), *angular(patches, square=True)]
 
     def _at_edges(self, propose: Changes, table: Sequence[Mapping[str, Any]] | None = None) -> list[Change]:
         """Chamfers, roundings, or slants as these, at edges that the images refuse; at those of a table only."""
