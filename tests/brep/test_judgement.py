@@ -2,7 +2,7 @@
 
 import pytest
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.judgement import against, bears, leaves_points, mends, short_of
+from brepgaussian.brep.judgement import against, bears, calms, in_doubt, leaves_points, mends, short_of
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
@@ -78,3 +78,16 @@ def test_nothing_known_against_two_solids_is_no_reason_to_change_one():
     unknown, known = solid(0.99, 0.5).report, refused([0.5])
     assert bears(known, known, BrepSettings())
     assert not any(bears(*pair, BrepSettings()) for pair in ((unknown, unknown), (unknown, known), (known, unknown)))
+
+
+@pytest.mark.parametrize(
+    ("after", "px", "taken"), [(0.0, 0.05, True), (30.0, 0.05, False), (0.0, 1.5, False), (None, 0.05, False)]
+)
+def test_an_accepted_solid_gets_what_explains_displaced_places(after, px, taken):
+    """Nothing else may become worse."""
+    settings = BrepSettings()
+    old = refused([0.05, 0.05], iou=0.9996) | {"accepted": True, "displaced": settings.accept_displaced}
+    new = refused([px, 0.05], iou=0.9996) | {"accepted": True, "displaced": after}
+    assert in_doubt(old, settings)
+    assert calms(new, old, settings) == taken
+    assert not in_doubt(old | {"displaced": settings.accept_displaced / 2}, settings)

@@ -22,6 +22,7 @@ _HALF = 0.5
 _WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler,
 _MORE_POINTS = 0.02  # or of all points that it explains besides,
 _MENDED = 0.9  # of all objections that are left by a change that adds none
+_CALMED = 0.25  # of the displaced area that is left by a change that tells why it was
 _CHANCE = 1.0  # but for so many limits, or few places,
 _NO_WORSE = 1.05  # times the badness, if the images hardly tell the two apart
 
@@ -79,6 +80,20 @@ def bears(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings
     if not after or len(after) != len(before):  # not known of one of them
         return False
     return all(one <= _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
+
+
+def in_doubt(report: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether the images refuse a solid, or parallax places so much of it elsewhere that they nearly do."""
+    return report.get("accepted") is False or (report.get("displaced") or 0.0) >= settings.accept_displaced > 0
+
+
+def calms(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether nothing much is displaced any more of an accepted solid, and nothing else is worse."""
+    accepted = bool(new.get("accepted")) and bool(old.get("accepted"))
+    before, after = old.get("displaced"), new.get("displaced")
+    if not accepted or before is None or after is None:
+        return False
+    return after < _CALMED * before and bears(new, old, settings)
 
 
 def objections(report: Mapping[str, Any], settings: BrepSettings) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import against, bears, mends, short_of, size
+from brepgaussian.brep.judgement import against, bears, calms, in_doubt, mends, short_of, size
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import grooved, straightened
@@ -116,7 +116,7 @@ class Trials:
             return
         self.job, self.left = self._refined(), Budget(_RUNGS * len(changes), len(changes))
         for change in changes:
-            if self._tried([change], simpler=False):
+            if self._tried([change], simpler=False, enough=calms):
                 break
 
     def _noted(self) -> Polished:
@@ -148,7 +148,7 @@ class Trials:
     def _fillets(self) -> list[Change]:
         """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
         structure = self.best.attempt.verdict.structure
-        if self.best.report.get("accepted") is not False or structure is None:
+        if structure is None or not in_doubt(self.best.report, self.job.settings):
             return []
         return fillets(structure, self.best.attempt.surfaces, self._refined().patches, self.best.off)
 
