@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from brepgaussian.splatting.concave import carve, shorten, widening
 from brepgaussian.splatting.concave.contours import Chords
-from brepgaussian.splatting.concave.join import in_line, joined, told_once
+from brepgaussian.splatting.concave.join import in_line, joined, opposite, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.sweep import Cut, _filling, cuts
 from brepgaussian.splatting.concave.volume import Volume
@@ -176,6 +176,22 @@ def test_what_may_not_be_two_ends_of_one_hole_stays_two(other):
         return [] if other == "nothing again" else [looked]
 
     assert in_line([lidded(first), lidded(second)], again) == [first, second]
+
+
+@pytest.mark.parametrize("pierced", [0.0, 0.03], ids=["closed", "open in its middle"])
+@pytest.mark.parametrize("lean", [0.0, 0.1])
+def test_a_hole_without_floor_is_looked_for_on_the_other_side(lean, pierced):
+    """Silhouettes may have opened the middle of both mouths."""
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    block = np.minimum.reduce([0.3 - np.abs(x - 0.5), 0.3 - np.abs(y - 0.5), 0.3 - np.abs(z - 0.5)])
+    scene = Volume(np.minimum(block, np.hypot(x - 0.5, y - 0.5) - pierced), np.zeros(3), SPACING).scene()
+    first = replace(hole([0, lean, 1], [0.5, 0.5, 0.8], 0.2, through=False), endless=True)
+    lid = lidded(first)[1]
+    far = opposite(first, lid, scene)
+    assert far[:, 2].mean() == pytest.approx(0.2, abs=0.02)
+    np.testing.assert_allclose(far[:, :2].mean(axis=0), [0.5, 0.5 - 0.6 * lean], atol=0.015)
+    np.testing.assert_allclose(far - far.mean(axis=0), lid - lid.mean(axis=0), atol=1e-9)
+    assert opposite(replace(first, endless=False), lid, scene) is None
 
 
 @pytest.mark.parametrize(("lumen", "goes_on"), [(0.0, False), (0.04, True)], ids=["a whole wall", "a pierced one"])

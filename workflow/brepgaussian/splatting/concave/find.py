@@ -10,7 +10,7 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
-from brepgaussian.splatting.concave.join import in_line
+from brepgaussian.splatting.concave.join import in_line, opposite
 from brepgaussian.splatting.concave.mouths import completed
 from brepgaussian.splatting.concave.openings import (
     Images,
@@ -105,6 +105,10 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
             found += under(places)
+    for prism, lid in tuple(found):
+        far = opposite(prism, lid, scene)
+        if far is not None and not _is_open(far, scene, [*known, *_prisms(found)], cell, pitch):
+            found += under(far)
     return in_line(found, under)
 
 

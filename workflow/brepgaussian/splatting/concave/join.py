@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
+from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
 Lidded = tuple[Prism, Array]
@@ -19,6 +20,8 @@ Lidded = tuple[Prism, Array]
 _OPPOSITE = 0.999  # cosine of 2.5 degrees
 _SAME_AREA = 1.5  # ratio of two outlines of one hole
 _LEANING = 0.9  # cosine of 26 degrees
+_BEYOND = 3.0  # unit frame: clear of the object
+_FAR_SIDE = 0.25  # quantile of what rays hit from there: those through an open middle hit the near side
 _SAME_MOUTH = 0.8  # of a mouth lies in the other hole
 
 
@@ -77,6 +80,20 @@ def in_line(found: Sequence[Lidded], again: Callable[[Array, Array], Sequence[Li
         left[i] = replace(near, depth=_distance(near, far), through=True), ends[0][1]
         del left[j]
     return [prism for prism, _ in left.values()]
+
+
+def opposite(prism: Prism, lid: Array, scene: Scene) -> Array | None:
+    """Places (N, 3) of a lid moved to where a concavity without floor would come out of a hull; None if it has one.
+
+    The other mouth may be hard to see: silhouettes open the middle of some holes, and the rest of a lid is in pieces.
+    """
+    if not prism.endless or not _has_no_floor(prism):
+        return None
+    normal = prism.lattice.normal
+    beyond = lid - _BEYOND * normal
+    far = scene.distances(beyond, np.broadcast_to(normal, lid.shape))
+    far = far[np.isfinite(far)]  # the rest looks through
+    return np.asarray(beyond + float(np.quantile(far, _FAR_SIDE)) * normal) if len(far) else None
 
 
 def _line(first: Lidded, second: Lidded) -> Array | None:
