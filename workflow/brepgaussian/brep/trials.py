@@ -34,6 +34,7 @@ Changes = Callable[[Structure, Sequence[Surface], Sequence[Patch], Sequence[Mapp
 
 _RUNGS = 2  # that a change is built on, at most
 _MOST_EDGED = 6  # changed edges that are refined until one is taken: as many widths and kinds
+_MOST_ALONE = 4  # of these, of one pair of faces alone
 _MOST_MENDS = 8  # that are refined where the images refuse a solid
 _POINTS_SLACK = 0.01  # share of the points that may leave the solid: wrong labels and rounded borders
 
@@ -87,10 +88,10 @@ class Trials:
             self._tried([change], simpler=False, enough=bears)
         for change in self._at_edges(refused_slants):
             self._tried([change], simpler=False, enough=mends)
-        for alone in (False, True):
-            self.left = Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
+        for alone, most in ((False, _MOST_EDGED), (True, _MOST_ALONE)):
+            self.left = Budget(_RUNGS * most, most)
             while any(self._either(changes) for changes in self._widths(alone)):
-                self.left = Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)  # where one edge was far off, others show now
+                self.left = Budget(_RUNGS * most, most)  # where one edge was far off, others show now
         self.left = left
 
     def _widths(self, alone: bool) -> Iterator[tuple[Change | None, ...]]:
