@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
+from brepgaussian.brep.judgement import shape_of
 from brepgaussian.brep.polish import Polished, _left_out
-from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse, shape_of
+from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import WorkerError, WorkerTimeout
 from brepgaussian.settings.brep import BrepSettings

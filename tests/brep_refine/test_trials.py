@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitive, Primitives
+from brepgaussian.brep import trials
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.damage import damaged
 from brepgaussian.brep.job import Attempt, Rung
@@ -12,7 +13,6 @@ from brepgaussian.brep.polish import Polished, badness
 from brepgaussian.brep.refine.accept import Acceptance
 from brepgaussian.brep.refine.refinement import better
 from brepgaussian.brep.simplify import Change
-from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker
 from brepgaussian.geometry.surfaces import cone
@@ -117,7 +117,29 @@ def test_what_silhouettes_refuse_by_far_is_not_refined(part):
 
     best = Polished(Attempt("support", b"solid", Verdict((), iou=0.99)), {"accepted": False})
     job = make_job(*part, SETTINGS)
-    trials = Trials(Hollow(), None, job, Rung("support", 0.04), best, Budget(2, 2))  # no views: refining would fail
-    assert not trials._tried([Change("something else", (), ())], simpler=False)
-    assert trials.notes == [{"changes": ["something else"], "fault": "silhouettes are off by far"}]
-    assert trials.left.refinements == 2
+    one = trials.Trials(Hollow(), None, job, Rung("support", 0.04), best, Budget(2, 2))  # no views: refining would fail
+    assert not one._tried([Change("something else", (), ())], simpler=False)
+    assert one.notes == [{"changes": ["something else"], "fault": "silhouettes are off by far"}]
+    assert one.left.refinements == 2
+
+
+def test_one_solid_of_two_rungs_is_refined_once(part, monkeypatch):
+    verdict = Verdict((), iou=0.99, faces=7, edges=15, vertices=10, volume=0.3)
+
+    class Twice:
+        def call(self, *_):
+            return Attempt("any", b"solid", verdict)
+
+    asked = []
+
+    def refined(worker, job, rung, attempt, views):
+        asked.append(rung.name)
+        return Polished(attempt, {"accepted": False, "refined": True, "silhouette_px": 0.5, "mask_iou": 0.99})
+
+    monkeypatch.setattr(trials, "polish", refined)
+    best = Polished(Attempt("wide", b"solid", verdict), refined(None, None, Rung("", 0), None, None).report)
+    asked.clear()
+    one = trials.Trials(Twice(), None, make_job(*part, SETTINGS), Rung("wide", 0.12), best, Budget(4, 4))
+    assert not one._tried([Change("something else", (), ())], simpler=False)
+    assert asked == ["support"]
+    assert one.notes[0]["fault"].startswith("the images agree little better")

@@ -15,6 +15,9 @@ from brepgaussian.brep.simplify import complexity
 from brepgaussian.brep.structure import SMOOTH
 from brepgaussian.settings.brep import BrepSettings
 
+Shape = tuple[int, int, int, float]
+
+_SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
 # Standard deviations of a count: which border pixels are wrong is chance, in two triangulations of one solid too.
 _COUNT_SIGMAS = 2.0
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
@@ -133,6 +136,12 @@ def lost_edges(attempt: Attempt, old: Polished) -> int:
         return len(old.shown)
     tree = cKDTree(np.concatenate(sharp))
     return sum(float(np.mean(tree.query(line)[0] <= _SAME_EDGE)) < _HALF for line in old.shown)
+
+
+def shape_of(attempt: Attempt) -> Shape:
+    """What tells two solids apart."""
+    verdict = attempt.verdict
+    return verdict.faces, verdict.edges, verdict.vertices, round(verdict.volume, _SHAPE_DIGITS)
 
 
 def size(attempt: Attempt) -> tuple[int, int]:

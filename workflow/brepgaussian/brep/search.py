@@ -8,7 +8,7 @@ import numpy as np
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import against, leaves_points, short_of, size
+from brepgaussian.brep.judgement import Shape, against, leaves_points, shape_of, short_of, size
 from brepgaussian.brep.polish import Polished, badness, polish
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
@@ -19,14 +19,11 @@ from brepgaussian.log import get_logger
 from brepgaussian.settings.brep import BrepSettings
 
 _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
-_SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
 _SMALL = 0.03  # of all points: the images decide whether patches of so few are faces
 _MOST_RIVALS = 2  # solids of another shape that are refined where the images refuse the first
 _HANGS = 12  # solids that a hanging kernel costs: a few of them end the search
 _OTHERS_RUNGS = ("support", "open_extended", "wide")  # on which other explanations are tried
-
-Shape = tuple[int, int, int, float]
 
 
 @dataclass
@@ -256,12 +253,6 @@ def _worse(new: Polished, old: Polished | None, settings: BrepSettings) -> str:
     if size(new.attempt) < size(old.attempt):
         return against(new, old, settings)
     return short_of(new, old, settings)
-
-
-def shape_of(attempt: Attempt) -> Shape:
-    """What tells two solids apart."""
-    verdict = attempt.verdict
-    return verdict.faces, verdict.edges, verdict.vertices, round(verdict.volume, _SHAPE_DIGITS)
 
 
 def _remarks(result: Attempt) -> str:

@@ -11,7 +11,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import against, bears, calms, in_doubt, mends, short_of, size
+from brepgaussian.brep.judgement import Shape, against, bears, calms, in_doubt, mends, shape_of, short_of, size
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import grooved, straightened
@@ -228,7 +228,7 @@ class Trials:
     ) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
         job, before = applied(self.job, changes), self.best.attempt.verdict
-        fault = ""
+        fault, known = "", set[Shape]()
         for rung in _rungs(self.rung, job):
             self.left.solids -= 1
             try:
@@ -236,7 +236,9 @@ class Trials:
             except (WorkerError, BrepGaussianError) as error:
                 fault = str(error)
                 continue
-            verdict = attempt.verdict
+            verdict, shape = attempt.verdict, shape_of(attempt)
+            if attempt.shape is not None and shape in known:
+                continue  # one and the same solid again
             fault = "; ".join(verdict.faults)
             if attempt.shape is None:
                 continue
@@ -249,6 +251,7 @@ class Trials:
             else:
                 self.left.refinements -= 1
                 polished = polish(self.worker, job, rung, attempt, self.views)
+                known |= {shape} if polished.report.get("refined") else set()
                 fault = (against if simpler else short_of)(polished, self.best, job.settings)
                 if fault and enough is not None and enough(polished.report, self.best.report, job.settings):
                     fault = ""
