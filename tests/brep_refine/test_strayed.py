@@ -1,9 +1,12 @@
 """Surfaces that an edge of something else has drawn away are held at their points."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.polish import _drawn
 from brepgaussian.brep.refine import refine, refinement, solve
 from brepgaussian.brep.refine.accept import Acceptance
 from brepgaussian.brep.refine.parallax import Displaced
@@ -73,3 +76,15 @@ def test_what_strayed_is_solved_again_and_taken_if_it_is_better(tmp_path, monkey
     if second is not None:
         assert calls[1] == frozenset({structure.faces[2].surface})
     assert result.tone[0] == (0.5 if taken == "held" else 0.25)
+
+
+@pytest.mark.parametrize(("off", "away", "left"), [(0.0, 0.025, True), (0.0, 0.015, False), (0.015, 0.04, False)])
+def test_a_surface_has_left_its_points_if_it_explained_them_and_does_no_more(off, away, left):
+    """Only a face's own: of a cap the points say nothing."""
+    reach, xyz = 0.02, np.random.default_rng(0).random((200, 3)) * [1, 1, 0]
+    surfaces = [plane([0, 0, off], [0, 0, 1.0])] * 3
+    moved = [plane([0, 0, away], [0, 0, 1.0])] * 3
+    patches = [Patch(s, k, xyz, xyz, reach, 0.001, cap=k == 1) for k, s in enumerate(surfaces)]
+    structure = SimpleNamespace(faces=[SimpleNamespace(surface=0), SimpleNamespace(surface=1)])
+    job, attempt, result = SimpleNamespace(patches=patches), SimpleNamespace(surfaces=surfaces), SimpleNamespace
+    assert _drawn(job, structure, attempt, result(surfaces=moved)) == (frozenset({0}) if left else frozenset())

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 OTHER_TOPOLOGY = "its topology differs"
 _HALF = 0.5  # of a patch is explained, or it is left out
+_EXPLAINED = 0.5  # reaches from the surface: the median of a patch that is explained; beyond one reach it is not
 _ROUNDS = 3  # of refining and rebuilding
 _MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
 _SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
@@ -63,6 +64,10 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             return Polished(attempt, _figures(test) | {"refined": False}, _shown(structure, test), _off(test))
         for _ in range(_ROUNDS):
             result = refine(structure, mesh, attempt.surfaces, views, settings)
+            drawn = _drawn(job, structure, attempt, result)
+            if drawn:
+                firm = refine(structure, mesh, attempt.surfaces, views, settings, drawn)
+                result = firm if firm.accepted or not result.accepted else result
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
                 table = {"edges": result.before.edges, "faces": result.before.faces}
@@ -89,6 +94,15 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         best.report["refinement_fault"] = str(error)
     assert best is not None
     return best
+
+
+def _drawn(job: Job, structure: Structure, attempt: Attempt, result: Any) -> frozenset[int]:
+    """Surfaces that left the points that they explained: an edge that is not theirs, such as a rim's, drew them."""
+    used = {f.surface for f in structure.faces}
+    moved = zip(job.patches, attempt.surfaces, result.surfaces, strict=False)
+    off = {i: [np.median(np.abs(s.signed_distance(p.xyz))) / p.reach for s in (old, new)]
+           for i, (p, old, new) in enumerate(moved) if i in used and not p.cap}  # fmt: skip
+    return frozenset(i for i, (before, after) in off.items() if before < _EXPLAINED and after > 1)
 
 
 def _shown(structure: Structure, test: Any) -> tuple[Array, ...]:

@@ -68,6 +68,7 @@ def refine(
     surfaces: Sequence[Surface],
     views: Views,
     settings: BrepSettings,
+    held: frozenset[int] = frozenset(),
 ) -> RefineResult:
     """Refine all surfaces of a solid together, its topology kept.
 
@@ -79,11 +80,12 @@ def refine(
         surfaces: the surfaces that `structure` names; a surface that no face uses stays as it is.
         views: images and cameras.
         settings: prior, limits, switches.
+        held: surfaces that stay where they are: what the images show beside them is not theirs.
 
     Returns:
         The refined surfaces with the acceptance test; never worse than the start by that test.
     """
-    first = _refine(structure, mesh, surfaces, views, settings)
+    first = _refine(structure, mesh, surfaces, views, settings, held)
     if first.accepted:
         return first
     limit = settings.accept_silhouette_px
@@ -91,7 +93,7 @@ def refine(
     if not merges:
         return first
     merged = move_structure(merge(structure, merges), surfaces)
-    second = _refine(merged, follow(mesh, merged, surfaces), surfaces, views, settings)
+    second = _refine(merged, follow(mesh, merged, surfaces), surfaces, views, settings, held)
     if not second.accepted and not (second.silhouette_px < first.silhouette_px and second.mask_iou > first.mask_iou):
         return first
     result = list(second.surfaces)
@@ -107,19 +109,24 @@ def refine(
 
 
 def _refine(
-    structure: Structure, mesh: FaceMesh, surfaces: Sequence[Surface], views: Views, settings: BrepSettings
+    structure: Structure,
+    mesh: FaceMesh,
+    surfaces: Sequence[Surface],
+    views: Views,
+    settings: BrepSettings,
+    held: frozenset[int],
 ) -> RefineResult:
     """The refinement of one structure."""
     clock = time.perf_counter()
     anchored = tuple(_anchored(structure, mesh, surfaces))
-    prior = Prior(anchored, np.radians(settings.refine_angle_deg), settings.refine_length)
+    prior = Prior(anchored, np.radians(settings.refine_angle_deg), settings.refine_length, held)
     state = State(anchored, np.zeros(TONES), np.zeros((len(views.cameras), 3)))
     start = Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
     before = start.test(settings)
     found = _solved(start, settings)
     strayed = _strayed(found)
     if strayed:  # an edge that few samples show may have been taken for another one, and have drawn a floor with it
-        firm = _solved(replace(start, prior=replace(prior, held=strayed)), settings)
+        firm = _solved(replace(start, prior=replace(prior, held=held | strayed)), settings)
         found = firm if _less_displaced(firm.after, found.after) else found
     run, after, ties, freed = found.run, found.after, found.ties, found.freed
     if after.displaced is not None and after.displaced.depths.told.any():
