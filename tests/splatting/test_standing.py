@@ -113,3 +113,17 @@ def test_a_recess_around_a_hub_leaves_the_hub_out(monkeypatch, skirt):
     assert found[-1][1] == pytest.approx(0.2, abs=2 * PITCH)
     agreed = replace(stack, shown=np.full_like(shown, LID))  # a face, not a recess
     assert standing.around_hubs(agreed, plate_with_hub(skirt).scene(), None, 50 * PITCH**2) == []
+
+
+@pytest.mark.parametrize(("kept", "filled"), [(0.08, True), (0.075, True), (0.05, False)])
+def test_a_recess_may_not_take_what_silhouettes_show_of_a_hub(kept, filled):
+    """Rays just inside of a hub's contour, of which a cell more or less tells nothing."""
+    scene, on = plate_with_hub(0.0).scene(), lattice()
+    across = np.linspace(-0.076, 0.076, 81)
+    heights = np.tile(LEVEL + np.linspace(0.03, 0.17, 5), len(across))
+    origins = np.column_stack([np.full(len(heights), -1.0), 0.5 + np.repeat(across, 5), heights])
+    images = SimpleNamespace(contour_rays=(origins, np.tile([1.0, 0.0, 0.0], (len(origins), 1))))
+    away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
+    outline = (away < 0.25) & (away > kept)
+    stack = SimpleNamespace(lattice=on)
+    assert bool(standing._filling([(outline, 0.2)], stack, scene, images)) == filled

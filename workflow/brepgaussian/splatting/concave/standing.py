@@ -16,6 +16,7 @@ _SECTIONS = (0.35, 0.65, 0.95)  # of what stands: near its top a hull is not wid
 _TOUCH_CELLS = 3  # between what stands and where views disagree
 _OPENING_CELLS = 3  # a recess narrower than twice this is not told from blur
 _HIGHEST = 0.5  # unit frame, that a hub stands out of its rim
+_BLUR_CELLS = 2  # beside an outline: a cell of its own, and a pixel of the contours that bound what stands
 _MOST_LOST = 0.01  # share of the rays through what fills the corner that it may leave with nothing
 
 
@@ -62,7 +63,8 @@ def _filling(
         return []
     chords = chords_in(scene, *images.contour_rays)
     samples = chords.samples()
-    over = [Prism(stack.lattice, outline, 0.0, False, 0.0).contains(samples, top) for outline, top in found]
+    sure = [(ndimage.binary_erosion(outline, iterations=_BLUR_CELLS), top) for outline, top in found]
+    over = [Prism(stack.lattice, outline, 0.0, False, 0.0).contains(samples, top) for outline, top in sure]
     return [pair for pair, removed in zip(found, over, strict=True) if lost_share(chords, removed) <= _MOST_LOST]
 
 
