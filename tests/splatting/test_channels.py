@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import carve, shorten, widening
+from brepgaussian.splatting.concave import carve, shorten, sweep, widening
 from brepgaussian.splatting.concave.contours import Chords
 from brepgaussian.splatting.concave.join import in_line, joined, opposite, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
@@ -40,6 +40,28 @@ def test_a_channel_is_told_from_a_bore_across_it_by_its_ends(rise):
     assert (prism.signed_distance(beside, 0.0) > 0).all()
     somewhere = [c for c in found if not c.at_ends]
     assert all((c.prisms[0].signed_distance(beside, 0.0) < 0).any() for c in somewhere)  # they take the bore along
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_what_nothing_tells_of_is_not_cut_along_with_a_channel(monkeypatch, told):
+    """Columns that are empty somewhere take a bore along; what shows the ends of a slot speaks for it alone."""
+    ends = [SimpleNamespace(normal=np.array([s, 0, 0.0]), offset=0.4 + s * 0.5) for s in (1.0, -1.0)]
+    hull = block_with_slot(0.1)
+    found = cuts(hull, np.array([1.0, 0, 0]), ends)
+    (somewhere,) = [c for c in found if not c.at_ends]
+    opened = hull.without(somewhere.prisms[0], 0.0)
+
+    def disagreements(images, before, after, reach):
+        rest = not (before.signed_distance(np.array([[0.3, 0.5, 0.61]])) < 0).any()  # the slot is open before
+        return (1.0, 0.2, 500 if told else 0) if rest else (1.0, 0.2, 500)
+
+    monkeypatch.setattr(sweep, "disagreements", disagreements)
+    less = sweep._shown_at_ends(None, hull, somewhere, opened, found)
+    assert (less is None) == told
+    if less is not None:
+        left = less[0].scene().signed_distance(np.array([[0.3, 0.5, 0.61], [0.3, 0.5, 0.5]]))
+        assert left[0] > 0  # in the slot
+        assert left[1] < 0  # beside the bore
 
 
 @pytest.mark.parametrize(("brim", "deep", "kept"), [(0.02, False, True), (0.02, True, False), (0.0, False, True)])

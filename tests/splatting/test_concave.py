@@ -124,6 +124,22 @@ def test_a_countersunk_prism_is_its_cone_and_its_throat():
     assert np.array_equal((prism.signed_distance(points, 0.02) < 0)[clear], inside[clear])
 
 
+@pytest.mark.parametrize(("draft", "sink", "depth"), [(0.0, np.inf, 0.08), (0.0, np.inf, 0.25), (0.8, 0.04, 0.12)])
+def test_a_domed_prism_is_its_walls_and_a_spherical_cap(draft, sink, depth):
+    prism = replace(ray_prism(draft, sink), depth=depth, domed=True)
+    wide = np.sqrt(prism.area / np.pi)  # of a circle of as many cells
+    throat, top = (wide - sink, sink / draft) if draft else (wide, 0.0)
+    high = min(depth - top, throat)
+    sphere = (throat**2 + high**2) / (2 * high)
+    points = np.random.default_rng(5).uniform([0.35, 0.35, 0.2], [0.65, 0.65, 0.55], (4000, 3))
+    radius, deep = np.hypot(*(points[:, :2] - 0.5).T), 0.5 - points[:, 2]
+    walls = wide - np.clip(deep, 0, top) * draft
+    cap = sphere - np.hypot(radius, deep - depth + sphere)  # positive within
+    inside = (radius < walls) & (deep > -0.02) & ((deep < depth - high) | (cap > 0))
+    clear = (np.abs(radius - walls) > 0.01) & (np.abs(deep + 0.02) > 0.01) & (np.abs(cap) > 0.004)
+    assert np.array_equal((prism.signed_distance(points, 0.02) < 0)[clear], inside[clear])
+
+
 def test_two_endless_openings_that_face_each_other_are_one_hole():
     ends = [ray_prism(endless=True), ray_prism(endless=True, up=-1.0, height=0.1, radius=11)]
     first, second = joined(ends, 0.01)
@@ -163,6 +179,15 @@ def distances(views, truth, face):
     points = truth.points[truth.point_face == face]
     hulls = [carve(views, 120, 1, concavities)[0] for concavities in (False, True)]
     return [float(np.abs(Scene(h.vertices, h.triangles).signed_distance(points)).mean()) for h in hulls]
+
+
+def test_a_spherical_seat_is_domed(tmp_path):
+    """A countersunk spherical hollow, which no silhouette shows, with a hole through its pole."""
+    views, truth = views_of(tmp_path, "seat_block:4")
+    (sphere,) = [f for f, kind in enumerate(truth.face_types) if kind == "sphere"]
+    closed, opened = distances(views, truth, sphere)
+    assert closed > 0.05
+    assert opened < 0.006  # .0127 as a cone with a flat floor
 
 
 def test_a_cross_hole_in_a_shaft_is_opened(tmp_path):

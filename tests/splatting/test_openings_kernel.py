@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.radiance import _CAP, _RIDGE, LEAST_PASSING, differences, disagreement
-from brepgaussian.splatting.concave.rays import Rays, exits
+from brepgaussian.splatting.concave.rays import Rays, exits, exits_of_dome
 from scipy import ndimage
 
 TOLERANCE = 2.0
@@ -134,3 +134,23 @@ def test_exits_are_where_rays_cross_the_outline(walls):
             continue
         assert room(i, np.linspace(rays.entry[i], end, 50)).min() > -0.3  # no wall is passed: its staircase is smoothed
         assert end == pytest.approx(traced_slowly(rays, i, room, walls), abs=1e-9)
+
+
+@pytest.mark.parametrize(("top", "depth"), [(0.0, 6.0), (0.0, 30.0), (4.0, 15.0)])
+def test_rays_meet_a_dome_where_small_steps_leave_it(top, depth):
+    rays, center, radius = random_rays(np.random.default_rng(7), 2000), np.array([28.0, 31.0]), 20.0
+    rows, columns = np.mgrid[:60, :60]
+    outline = np.hypot(rows - center[0], columns - center[1]) < radius
+    straight = exits(rays, outline, 60.0)
+    found = exits_of_dome(rays, straight, center, top, radius, depth)
+    high = min(depth - top, radius)
+    sphere = (radius**2 + high**2) / (2 * high)
+    for start, side, wall, met in list(zip(rays.start, rays.sideways, straight, found, strict=True))[::7]:
+        if wall < 0:
+            assert met < 0
+            continue
+        steps = np.arange(depth - high, depth, 0.01)
+        away = np.linalg.norm(start + steps[:, None] * side - center, axis=1)
+        left = steps[np.hypot(away, steps - depth + sphere) > sphere]
+        expected = min(wall, left[0] if len(left) else depth)
+        assert met == pytest.approx(expected, abs=0.6)  # the wall is a staircase of cells

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.splatting.concave.leaning import countersunk, has_throat, oblique, tapered
+from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rays import crossings_of, gather
@@ -91,6 +91,7 @@ def measure(
         best.draft,
         best.sink * pitch,
         endless,
+        best.domed,
     )
     return prism, gain
 
@@ -106,11 +107,13 @@ def _again(opening: Opening, rim: Opening, best: Shape) -> Shape:
 
 def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape:
     """The best shape, straight or not; one opening with three numbers of rays."""
-    for shape in (countersunk(few, best), tapered(few), *([oblique(few)] if few.holed else [])):
+    tried = [countersunk(few, best), tapered(few), *([oblique(few)] if few.holed else []), *domed(few, best)]
+    for shape in tried:
         if few.score(shape)[0] >= few.score(best)[0]:
             continue
         sunk = np.isfinite(shape.sink)
-        shape = _refine(rim, shape if shape.through or sunk else best_depth(opening, _DEPTHS, shape))
+        found = shape.through or sunk or shape.domed
+        shape = _refine(rim, shape if found else best_depth(opening, _DEPTHS, shape))
         sure = opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
         most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]
         if sure and opening.score(shape)[0] < most and (not sunk or has_throat(opening.outline, shape)):

@@ -165,7 +165,7 @@ def _floor_of(region: PlanarRegion, known: Sequence[Prism], tolerance: float) ->
         along = float(region.normal @ prism.lattice.normal)
         center = region.offset * region.normal  # the plane's point nearest to the frame's origin
         height = float((prism.lattice.origin - center) @ prism.lattice.normal)
-        if along > PARALLEL and abs(height - prism.depth) < tolerance and not prism.through:
+        if along > PARALLEL and abs(height - prism.depth) < tolerance and not (prism.through or prism.domed):
             return prism
     return None
 
@@ -177,7 +177,7 @@ def _believable(prism: Prism) -> bool:
         prism.area,
         np.round(prism.lattice.normal, 2).tolist(),
         prism.depth,
-        "through" if prism.through else "endless" if prism.endless else "blind",
+        "through" if prism.through else "endless" if prism.endless else "domed" if prism.domed else "blind",
         np.round(prism.tilt, 2).tolist(),
         prism.draft,
         prism.sink,

@@ -1,5 +1,6 @@
 """Concavities whose walls are not straight: countersunk, through at an angle, narrowing."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,8 @@ _MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
 _LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _MOST_SINK = 0.6  # of the half width
+_ROUND = 0.9  # of a circle's radius by its area, that lies within an outline; of a square .886 does
+_DOME_DEPTHS = 16
 _LEAST_THROAT = 3.0  # cells, half the width; through a narrower one no view tells anything
 
 
@@ -44,6 +47,45 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
         drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
         moves += [replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT]
         better = min(moves, key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
+
+
+def domed(opening: Opening, best: Shape) -> list[Shape]:
+    """The best round concavity whose floor is a spherical cap: with straight walls, and countersunk.
+
+    Nothing if the opening is not round, or goes through.
+    """
+    width = float(-signed_outline(opening.outline).min())
+    if best.through or any(best.tilt) or width < _ROUND * opening.middle[1]:
+        return []
+    deepest = max(min(opening.deepest, best.depth + width), opening.shallowest)
+    depths = np.geomspace(opening.shallowest, deepest, _DOME_DEPTHS)
+    straight = replace(best, draft=0.0, sink=np.inf, domed=True)
+    plain = _to_best(opening, [replace(straight, depth=float(depth)) for depth in depths], width)
+    rims = [replace(plain, grow=plain.grow + g, draft=1.0, sink=float(s) * width) for s in _THROATS for g in (0, 1)]
+    return [plain, _to_best(opening, rims, width)]
+
+
+def _to_best(opening: Opening, shapes: Sequence[Shape], width: float) -> Shape:
+    """The best domed shape that small steps reach from the best of some."""
+
+    def possible(shape: Shape) -> bool:
+        return shape.depth > shape.top + FINEST and (not shape.top or 0 < shape.sink < _MOST_SINK * width)
+
+    best = min(filter(possible, shapes), key=opening.cost, default=shapes[0])
+    step = 1.0
+    while step > FINEST:
+        moves = [replace(best, grow=best.grow + g * step) for g in (0, 1, -1)]
+        moves += [replace(best, depth=best.depth + d * step) for d in (1, -1)]
+        if best.top:  # the rim or the throat moves
+            moves += [
+                replace(best, grow=best.grow + g * step, sink=best.sink + k * step)
+                for g, k in ((1, 1), (-1, -1), (0, 1), (0, -1))
+            ]
+            moves += [replace(best, draft=best.draft * _COUNTERSINK_RATIO ** (k * step)) for k in (-1, 1)]
+        better = min(filter(possible, moves), key=opening.cost, default=best)
         step = step / 2 if better == best else step
         best = better
     return best

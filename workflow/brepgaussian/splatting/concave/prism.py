@@ -80,6 +80,7 @@ class Prism:
         draft: how far the outline shrinks on all sides for each unit of depth.
         sink: how far it shrinks at most: from there on a countersunk hole is straight.
         endless: whether the rays that tell its walls don't tell a floor: it may as well be deeper, or go through.
+        domed: whether its floor is a spherical cap as wide as its walls there; it is round.
         above: how high the hull stands over the opening, where it fills the corner beside a hub.
         section: what the outline is a drawing of, if it is one of the usual ones; its walls are straight.
     """
@@ -93,6 +94,7 @@ class Prism:
     draft: float = 0.0
     sink: float = np.inf
     endless: bool = False
+    domed: bool = False
     above: float = 0.0
     section: Section | None = None
 
@@ -137,7 +139,18 @@ class Prism:
         lateral = np.minimum(lateral, throat)
         bottom = self.depth + (margin if self.through else 0.0)
         vertical = np.maximum(height - margin, -height - bottom)
-        return np.maximum(lateral, vertical)
+        walls = np.maximum(lateral, vertical)
+        return np.maximum(walls, self._cap(cells, height)) if self.domed else walls
+
+    def _cap(self, cells: Array, height: Array) -> Array:
+        """(N,) distance to the spherical floor, negative within the sphere and above its widest place in the walls."""
+        inside = np.argwhere(self.outline)
+        radius = np.sqrt(len(inside) / np.pi) * self.lattice.pitch - self.rim
+        deep = min(self.depth - (self.rim / self.draft if self.rim else 0.0), radius)
+        sphere = (radius**2 + deep**2) / (2 * deep)
+        away = np.linalg.norm(cells - inside.mean(axis=0), axis=1) * self.lattice.pitch
+        found = np.hypot(away, height + self.depth - sphere) - sphere
+        return np.where(height < deep - self.depth, found, -np.inf)
 
     def upright(self, points: Array) -> tuple[Array, Array]:
         """(N, 2) fractional cells of the opening below which points (N, 3) lie, along its walls, and (N,) heights."""

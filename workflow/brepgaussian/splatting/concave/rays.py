@@ -161,3 +161,25 @@ def exits(
         *map(c_double, (deepest, draft, sink, _SLOWEST, _REACHED)), _STEPS, pointer(depth),
     )  # fmt: skip
     return depth
+
+
+def exits_of_dome(rays: Rays, straight: Array, center: Array, top: float, radius: float, depth: float) -> Array:
+    """(N,) depth at which each ray meets the walls of a round opening, or the spherical cap that is its floor.
+
+    Args:
+        rays: as for `exits`.
+        straight: (N,) what that gives for the walls.
+        center: (2,) of the opening, cells; radius: of its walls where they go straight down, below `top`.
+        depth: of the cap's lowest place; it is half a sphere at most.
+    """
+    height = min(depth - top, radius)
+    sphere = (radius**2 + height**2) / (2 * height)
+    away = rays.start - center
+    side = rays.sideways
+    # |away + d * side|^2 + (d - depth + sphere)^2 = sphere^2
+    a = 1 + np.einsum("nc,nc->n", side, side)
+    b = np.einsum("nc,nc->n", away, side) - (depth - sphere)
+    c = np.einsum("nc,nc->n", away, away) + (depth - sphere) ** 2 - sphere**2
+    root = b**2 - a * c
+    cap = (np.sqrt(np.maximum(root, 0)) - b) / a
+    return np.where((straight > depth - height) & (root > 0), np.minimum(cap, depth), straight)

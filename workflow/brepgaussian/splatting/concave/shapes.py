@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy import ndimage
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
-from brepgaussian.splatting.concave.rays import Rays, exits
+from brepgaussian.splatting.concave.rays import Rays, exits, exits_of_dome
 
 Array = NDArray[np.float64]
 Ends = tuple[float, ...]  # depths in cells at which a hole is through
@@ -39,11 +40,17 @@ class Shape:
     tilt: tuple[float, float] = (0.0, 0.0)
     through: bool = False
     sink: float = np.inf
+    domed: bool = False  # the floor is a spherical cap
 
     @property
     def walls(self) -> tuple[float, ...]:
-        """All but how deep it is."""
-        return (self.grow, self.draft, self.sink, *self.tilt)
+        """All but how deep it is, if the floor is flat."""
+        return (self.grow, self.draft, self.sink, *self.tilt, self.depth if self.domed else -1.0)
+
+    @property
+    def top(self) -> float:
+        """Depth at which the walls go straight down."""
+        return self.sink / self.draft if self.draft and np.isfinite(self.sink) else 0.0
 
 
 STRAIGHT = Shape(SHALLOWEST)
@@ -102,8 +109,20 @@ class Opening:
         if shape.walls not in self._exits:
             sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
             found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
+            if shape.domed:
+                found = self._to_dome(sheared, found, shape)
             self._exits[shape.walls] = sheared, found
         return self._exits[shape.walls]
+
+    def _to_dome(self, rays: Rays, straight: Array, shape: Shape) -> Array:
+        center, width = self.middle
+        radius = width + shape.grow - (shape.sink if shape.top else 0.0)
+        return exits_of_dome(rays, straight, center, shape.top, radius, shape.depth)
+
+    @cached_property
+    def middle(self) -> tuple[Array, float]:
+        """(2,) centre of the outline and radius of a circle of its area, cells."""
+        return np.argwhere(self.outline).mean(axis=0), float(np.sqrt(np.count_nonzero(self.outline) / np.pi))
 
     def rests(self, shape: Shape) -> bool:
         """Whether a floor has the hull below it: most rays that reach it don't go on through what is open already."""

@@ -84,24 +84,68 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         every = [c for normal in directions(regions) for c in _possible(chords, samples, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:
-            opened = hull
-            for prism in cut.prisms:
-                opened = opened.without(prism, 0.0)
-            old, new, count = said = disagreements(images, scene, opened.scene(), 2 * hull.spacing)
-            good = better(said, _GAIN, _LEAST_RAYS_AT_ENDS if cut.at_ends else _LEAST_RAYS, untold=False)
-            logger.info(
-                "%s along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
-                "channel" if len(cut.prisms) == 1 else f"{len(cut.prisms)} channels",
-                np.round(cut.prisms[0].lattice.normal, 2).tolist(), cut.volume, new, old, count,
-                "" if good else ": not believed",
-            )  # fmt: skip
+            opened, good = _judged(images, hull, cut)
             if good:
-                hull = opened
-                done += cut.prisms
+                less = None if cut.at_ends else _shown_at_ends(images, hull, cut, opened, every)
+                hull, prisms = less or (opened, cut.prisms)
+                done += prisms
                 break
         else:
             break
     return hull, done
+
+
+def _judged(images: Images, hull: Volume, cut: Cut) -> tuple[Volume, bool]:
+    """A hull without a cut, and whether views agree about it better."""
+    opened = _without(hull, cut.prisms)
+    old, new, count = said = disagreements(images, hull.scene(), opened.scene(), 2 * hull.spacing)
+    good = better(said, _GAIN, _LEAST_RAYS_AT_ENDS if cut.at_ends else _LEAST_RAYS, untold=False)
+    logger.info(
+        "%s along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
+        "channel" if len(cut.prisms) == 1 else f"{len(cut.prisms)} channels",
+        np.round(cut.prisms[0].lattice.normal, 2).tolist(), cut.volume, new, old, count,
+        "" if good else ": not believed",
+    )  # fmt: skip
+    return opened, good
+
+
+def _without(hull: Volume, prisms: Sequence[Prism]) -> Volume:
+    for prism in prisms:
+        hull = hull.without(prism, 0.0)
+    return hull
+
+
+def _shown_at_ends(
+    images: Images, hull: Volume, cut: Cut, opened: Volume, every: Sequence[Cut]
+) -> tuple[Volume, tuple[Prism, ...]] | None:
+    """What is open at both ends of columns that are empty somewhere, where nothing tells of the rest of them.
+
+    A bore across a channel's floor is a slit along all of it, and views that see the floor speak for both.
+    """
+    (prism,) = cut.prisms
+    parts = [
+        other
+        for other in every
+        if other.at_ends and len(other.prisms) == 1 and _share(other.prisms[0], prism) and other.volume < cut.volume
+    ]
+    if not parts:
+        return None
+    ends = tuple(part.prisms[0] for part in parts)
+    less = _without(hull, ends)
+    rest = disagreements(images, less.scene(), opened.scene(), 2 * hull.spacing)
+    if better(rest, _GAIN, _LEAST_RAYS, untold=False):
+        return None
+    together = Cut(ends, sum(part.volume for part in parts), True)
+    return (less, ends) if _judged(images, hull, together)[1] else None
+
+
+def _share(one: Prism, other: Prism) -> bool:
+    """Whether two columns of one direction have cells and a stretch in common."""
+    same = one.outline.shape == other.outline.shape and np.allclose(one.lattice.normal, other.lattice.normal)
+    if not same or not (one.outline & other.outline).any():
+        return False
+    top, end = (float(p.lattice.origin @ p.lattice.normal) for p in (one, other))
+    return min(top, end) > max(top - one.depth, end - other.depth)
 
 
 def directions(faces: Sequence[Plane]) -> list[Array]:

@@ -64,7 +64,7 @@ def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: floa
     def opened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
 
-    rough = fitted(prism.outline, opened)
+    rough = None if prism.domed else fitted(prism.outline, opened)
     if rough is None:
         return prism
     section = at_rim(rough, rectify(images, scene, prism.lattice), images.views.cameras.centers, images.tolerance)
@@ -150,7 +150,7 @@ def _are_straight(one: Prism, other: Prism) -> bool:
     """Whether two concavities may have walls in common: straight ones, in one direction."""
     if abs(one.lattice.normal @ other.lattice.normal) < _PARALLEL or any(one.tilt) or any(other.tilt):
         return False
-    return not (one.tapered or other.tapered)
+    return not (one.tapered or other.tapered or one.domed or other.domed)
 
 
 def _sink(prism: Prism) -> float:

@@ -42,7 +42,7 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
     floors = [
         Plane(prism.lattice.normal, prism.lattice.offset - prism.depth)
         for prism in known
-        if not (prism.through or prism.endless)
+        if not (prism.through or prism.endless or prism.domed)
     ]
     mesh = hull.mesh()
     regions = planar_regions(*mesh, 2 * hull.spacing)

@@ -60,7 +60,7 @@ def _edges(prism: Prism) -> tuple[Array, Array]:
     points, directions = [np.zeros((0, 3))], [np.zeros((0, 3))]
     outline = np.pad(ndimage.gaussian_filter(signed_outline(prism.outline), _BLUR_CELLS), 1, constant_values=1.0)
     narrower = min(prism.draft * prism.depth, prism.sink)
-    rings = [(0.0, 0.0), (prism.depth, narrower)]
+    rings = [(0.0, 0.0)] if prism.domed else [(0.0, 0.0), (prism.depth, narrower)]
     if 0 < prism.rim <= narrower:
         rings.append((prism.rim / prism.draft, prism.rim))
     for depth, shrunk in rings:
