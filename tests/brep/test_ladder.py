@@ -8,7 +8,9 @@ import pytest
 from brepgaussian.artifacts.primitives import Primitive, Primitives
 from brepgaussian.brep import occ, publish
 from brepgaussian.brep.gate import integrity
-from brepgaussian.brep.ladder import climb, make_job, other_jobs
+from brepgaussian.brep.job import Attempt
+from brepgaussian.brep.ladder import _guessed, climb, make_job, other_jobs
+from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere, torus
@@ -55,6 +57,39 @@ def test_half_a_patch_missing(kit, worker, patch):
     assert outcome.report["fallback"] is False
     assert outcome.report["faces"] == 7
     assert outcome.report["volume"] == pytest.approx(known.volume, rel=1e-3)
+
+
+@pytest.mark.parametrize(("floor", "seed"), [(0.45, 1), (0.6, 2)])
+def test_a_bore_whose_floor_no_point_shows_is_blind(kit, worker, floor, seed):
+    radius, rng = 0.1, np.random.default_rng(seed)
+    known = kit.block_with_hole(sigma=0.002, radius=radius, count=14000, seed=seed)
+    xyz, normals, label = known.points.xyz, known.points.normals, known.points.label
+    angle, away = rng.uniform(0, 2 * np.pi, 200), radius * np.sqrt(rng.random(200))
+    disc = np.column_stack([0.5 + away * np.cos(angle), 0.5 + away * np.sin(angle), np.full(200, 0.25)])
+    kept = (label != 6) | (xyz[:, 2] > floor)
+    xyz, label = np.concatenate([xyz[kept], disc]), np.concatenate([label[kept], np.full(200, 4)])
+    normals = np.concatenate([normals[kept], np.tile([0, 0, -1.0], (200, 1))])
+    items = tuple(
+        Primitive(p.surface, p.label, np.flatnonzero(label == p.label), p.rms) for p in known.primitives.items
+    )
+    blind = kit.Known(kit.make_points(xyz, normals, label), Primitives(items, sigma=0.002), 0.0, 8)
+    outcome = solve(kit, worker, blind)
+    assert outcome.report["faces"] == 8
+    assert outcome.report["caps"] == 1
+    assert outcome.report["volume"] == pytest.approx(0.4 - np.pi * radius**2 * (0.75 - floor), rel=0.003)
+
+
+def test_faces_are_guessed_whose_edges_no_image_shows(kit, worker):
+    known = kit.block_with_hole()
+    outcome = solve(kit, worker, known)
+    attempt = Attempt("support", b"", Verdict((), structure=outcome.structure), primitives=(*range(6), -1))
+    edges = [i for i, e in enumerate(outcome.structure.edges) if 6 in e.surfaces]  # the bore's
+    for seen, guessed in (((), 1), (edges[:1], 0)):
+        rows = [
+            {"name": f"edge {i}", "silhouette_px": None, "interior_px": 0.1 if i in seen else None}
+            for i in range(len(outcome.structure.edges))
+        ]
+        assert _guessed(attempt, {"refinement": {"edges": rows}}) == guessed
 
 
 @pytest.mark.parametrize("patch", [1, 4])

@@ -9,6 +9,7 @@ from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
 from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.find import _hangs
 from brepgaussian.splatting.concave.join import joined
 from brepgaussian.splatting.concave.openings import Images, Stack, openings
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
@@ -138,6 +139,17 @@ def test_a_domed_prism_is_its_walls_and_a_spherical_cap(draft, sink, depth):
     inside = (radius < walls) & (deep > -0.02) & ((deep < depth - high) | (cap > 0))
     clear = (np.abs(radius - walls) > 0.01) & (np.abs(deep + 0.02) > 0.01) & (np.abs(cap) > 0.004)
     assert np.array_equal((prism.signed_distance(points, 0.02) < 0)[clear], inside[clear])
+
+
+def test_a_recess_around_a_hub_goes_before_one_under_it():
+    whole = replace(ray_prism(), error=0.16)
+    rows, columns = np.mgrid[:40, :40]
+    ring = whole.outline & (np.hypot(rows - 19.5, columns - 19.5) > 5)
+    around = replace(whole, outline=ring, above=0.05, error=0.1)
+    assert _hangs(whole, around)
+    assert not _hangs(replace(whole, error=0.05), around)  # the views like it better
+    beside = replace(whole, outline=np.roll(whole.outline, 20, axis=0))
+    assert not _hangs(beside, around)
 
 
 def test_two_endless_openings_that_face_each_other_are_one_hole():

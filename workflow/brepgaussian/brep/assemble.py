@@ -104,7 +104,7 @@ def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
 
 def patches_of(job: Job, rung: Rung) -> tuple[Patch, ...]:
     """The patches that take part in a rung."""
-    return (*job.patches, *job.caps) if rung.caps else job.patches
+    return (*job.patches, *job.guesses(rung))
 
 
 def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:

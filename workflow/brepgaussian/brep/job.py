@@ -46,6 +46,7 @@ class Job:
         settings: of the stage.
         left_out: patches that take no part in the solid; their points are still evidence of what lies on it.
         labelling: which one of `points.ply` the patches are from; 0 = the first.
+        floors: of bores whose ends no view shows; they follow the patches on every rung, before the caps.
     """
 
     patches: tuple[Patch, ...]
@@ -56,6 +57,11 @@ class Job:
     settings: BrepSettings
     left_out: tuple[Patch, ...] = ()
     labelling: int = 0
+    floors: tuple[Patch, ...] = ()
+
+    def guesses(self, rung: Rung) -> tuple[Patch, ...]:
+        """Faces without points of their own that take part in a rung, after the patches."""
+        return (*self.floors, *self.caps) if rung.caps else self.floors
 
 
 @dataclass(frozen=True)

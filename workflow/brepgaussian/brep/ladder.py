@@ -1,6 +1,6 @@
 """The ladder: one attempt after another until the gate has no doubts; the last rung always closes."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from brepgaussian.brep.borders import continuing, open_points
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.fillets import rounded
+from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.polish import Polished, badness
@@ -66,11 +67,13 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
     if settings.tidy:
         patches = tidy(patches, PrimitivesSettings().sigma_floor)
     borders = open_points(patches)
-    caps = find_caps(patches, borders, settings.seed)
+    caps, floors = find_caps(patches, borders, settings.seed), floors_of_bores(patches, borders)
     ends = np.concatenate([*(p.xyz[b] for p, b in zip(patches, borders, strict=True)), np.zeros((0, 3))])
     open_patches = tuple(sorted({*continuing(patches, borders), *(i for i, b in enumerate(borders) if len(b))}))
-    get_logger("brep").info("%d patches, open borders at %s, %d caps", len(patches), open_patches, len(caps))
-    return Job(tuple(patches), tuple(caps), ends, open_patches, silhouettes, settings)
+    get_logger("brep").info(
+        "%d patches, open borders at %s, %d caps, %d floors", len(patches), open_patches, len(caps), len(floors)
+    )
+    return Job(tuple(patches), tuple(caps), ends, open_patches, silhouettes, settings, floors=tuple(floors))
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Iterable[Points] = ()) -> Iterator[Job]:
@@ -145,6 +148,10 @@ def climb(
     assert chosen.shape is not None
     assert chosen.verdict.structure is not None
     report = _report(chosen, [*search.tried, *search.beside]) | judged
+    guessed = _guessed(chosen, judged)
+    if guessed:
+        report["accepted"] = False
+        report["hints"] = [*report["hints"], f"{guessed} faces are guessed: no view shows an edge of them"]
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, report)
 
 
@@ -166,6 +173,18 @@ def _writable(worker: Worker, search: Search, found: Polished | None) -> Polishe
         else:
             return rival
     return None
+
+
+def _guessed(chosen: Attempt, judged: Mapping[str, Any]) -> int:
+    """Number of faces on surfaces without points, none of whose edges the images show."""
+    structure, details = chosen.verdict.structure, judged.get("refinement", {})
+    if structure is None or not details:
+        return 0
+    rows = [row for row in details["edges"] if row["silhouette_px"] is not None or row["interior_px"] is not None]
+    told = [int(name) for kind, name in (str(row["name"]).rsplit(" ", 1) for row in rows) if kind == "edge"]
+    seen = {face for edge in told for face in structure.edges[edge].faces}
+    primitives = [chosen.primitives[f.surface] if f.surface >= 0 else 0 for f in structure.faces]
+    return sum(primitive < 0 and face not in seen for face, primitive in enumerate(primitives))
 
 
 def _fallback(worker: Worker, job: Job, points: Points) -> Attempt:

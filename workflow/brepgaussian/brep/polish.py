@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
@@ -202,11 +201,10 @@ def _as_good(test: Any, result: Any, same: bool) -> bool:
 def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int]) -> Job:
     """The same job with other surfaces under the same points; caps that the solid does not use are left out."""
     count = len(job.patches)
-    caps: tuple[Patch, ...] = ()
-    if rung.caps:
-        moved = [replace(p, surface=s) for p, s in zip(job.caps, surfaces[count:], strict=True)]
-        caps = tuple(c for i, c in enumerate(moved, start=count) if i in used)
-    return replace(with_patches_on(job, surfaces), caps=caps)
+    moved = [replace(p, surface=s) for p, s in zip(job.guesses(rung), surfaces[count:], strict=True)]
+    floors, rest = moved[: len(job.floors)], enumerate(moved[len(job.floors) :], start=count + len(job.floors))
+    caps = tuple(c for i, c in rest if i in used)
+    return replace(with_patches_on(job, surfaces), floors=tuple(floors), caps=caps)
 
 
 def with_patches_on(job: Job, surfaces: tuple[Surface, ...]) -> Job:

@@ -36,6 +36,7 @@ from brepgaussian.splatting.concave.standing import around_hubs
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
+_WITHIN = 0.8  # of a recess around a hub lies in one that goes under it
 _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 7.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
@@ -150,6 +151,8 @@ def _concavities(
             # around a hub silhouettes would show what goes through
             if fit is not None and _believable(fit[0]) and not (above and fit[0].through):
                 fits.append((replace(fit[0], above=above), fit[1]))
+    around = [prism for prism, _ in fits if prism.above]
+    fits = [fit for fit in fits if fit[0].above or not any(_hangs(fit[0], hub) for hub in around)]
     taken = np.zeros(stack.lattice.shape, bool)
     chosen = []
     for prism, gain in sorted(fits, key=lambda fit: -fit[1]):
@@ -157,6 +160,12 @@ def _concavities(
             chosen.append((prism, gain))
             taken |= prism.outline
     return chosen
+
+
+def _hangs(whole: Prism, around: Prism) -> bool:
+    """Whether a concavity goes under the hub that another one goes around, which explains its rays better."""
+    within = np.count_nonzero(whole.outline & around.outline) >= _WITHIN * np.count_nonzero(around.outline)
+    return bool(within and whole.error > around.error)
 
 
 def _floor_of(region: PlanarRegion, known: Sequence[Prism], tolerance: float) -> Prism | None:
