@@ -79,6 +79,13 @@ def test_a_bore_whose_floor_no_point_shows_is_blind(kit, worker, floor, seed):
     assert outcome.report["volume"] == pytest.approx(0.4 - np.pi * radius**2 * (0.75 - floor), rel=0.003)
 
 
+def test_a_bore_of_which_half_is_missing_goes_on_to_its_other_mouth(kit, worker):
+    known = kit.block_with_hole(sigma=0.002, radius=0.1, count=14000, seed=4)
+    lost = (known.points.label == 6) & (known.points.xyz[:, 2] < 0.5)
+    outcome = solve(kit, worker, without(kit, known, lost))
+    assert (outcome.report["faces"], outcome.report["caps"]) == (7, 0)
+
+
 def test_faces_are_guessed_whose_edges_no_image_shows(kit, worker):
     known = kit.block_with_hole()
     outcome = solve(kit, worker, known)
