@@ -1,6 +1,7 @@
 """Concavities: the geometry of a prism, and pockets of a rendered part that every silhouette is blind to."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from brepgaussian.splatting.concave import Prism
 from brepgaussian.splatting.concave.agreement import disagreements
 from brepgaussian.splatting.concave.find import _hangs
 from brepgaussian.splatting.concave.join import joined
+from brepgaussian.splatting.concave.leaning import to_best_dome
 from brepgaussian.splatting.concave.openings import Images, Stack, openings
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shapes import Shape
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 
@@ -191,6 +194,19 @@ def distances(views, truth, face):
     points = truth.points[truth.point_face == face]
     hulls = [carve(views, 120, 1, concavities)[0] for concavities in (False, True)]
     return [float(np.abs(Scene(h.vertices, h.triangles).signed_distance(points)).mean()) for h in hulls]
+
+
+def test_the_countersink_of_a_dome_is_sought_with_its_throat_and_depth():
+    true = Shape(28.0, grow=1.0, draft=0.85, sink=6.0, domed=True)
+
+    def cost(shape):
+        names = ("depth", "grow", "draft", "sink")
+        return sum((getattr(shape, n) / getattr(true, n) - 1) ** 2 for n in names)
+
+    start = Shape(26.0, grow=0.0, draft=1.2, sink=4.0, domed=True)  # as few rays chose it
+    found = to_best_dome(SimpleNamespace(middle=(0, 25.0), cost=cost), [start])
+    assert found.draft == pytest.approx(true.draft, rel=0.05)
+    assert (found.depth, found.grow, found.sink) == pytest.approx((28.0, 1.0, 6.0), abs=0.5)
 
 
 def test_a_spherical_seat_is_domed(tmp_path):

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered
+from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered, to_best_dome
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rays import crossings_of, gather
@@ -112,8 +112,10 @@ def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape
         if few.score(shape)[0] >= few.score(best)[0]:
             continue
         sunk = np.isfinite(shape.sink)
-        found = shape.through or sunk or shape.domed
-        shape = _refine(rim, shape if found else best_depth(opening, _DEPTHS, shape))
+        if shape.domed:
+            shape = to_best_dome(opening, [shape])
+        else:
+            shape = _refine(rim, shape if shape.through or sunk else best_depth(opening, _DEPTHS, shape))
         sure = opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
         most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]
         if sure and opening.score(shape)[0] < most and (not sunk or has_throat(opening.outline, shape)):

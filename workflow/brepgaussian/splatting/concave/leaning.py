@@ -63,13 +63,14 @@ def domed(opening: Opening, best: Shape) -> list[Shape]:
     deepest = max(min(opening.deepest, best.depth + width), opening.shallowest)
     depths = np.geomspace(opening.shallowest, deepest, _DOME_DEPTHS)
     straight = replace(best, draft=0.0, sink=np.inf, domed=True)
-    plain = _to_best(opening, [replace(straight, depth=float(depth)) for depth in depths], width)
+    plain = to_best_dome(opening, [replace(straight, depth=float(depth)) for depth in depths])
     rims = [replace(plain, grow=plain.grow + g, draft=1.0, sink=float(s) * width) for s in _THROATS for g in (0, 1)]
-    return [plain, _to_best(opening, rims, width)]
+    return [plain, to_best_dome(opening, rims)]
 
 
-def _to_best(opening: Opening, shapes: Sequence[Shape], width: float) -> Shape:
+def to_best_dome(opening: Opening, shapes: Sequence[Shape]) -> Shape:
     """The best domed shape that small steps reach from the best of some."""
+    width = opening.middle[1]
 
     def possible(shape: Shape) -> bool:
         return shape.depth > shape.top + FINEST and (not shape.top or 0 < shape.sink < _MOST_SINK * width)
