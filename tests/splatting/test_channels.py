@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import carve, shorten, sweep, widening
+from brepgaussian.splatting.concave.columns import Cut, cuts, holes
 from brepgaussian.splatting.concave.contours import Chords
 from brepgaussian.splatting.concave.join import in_line, joined, opposite, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
-from brepgaussian.splatting.concave.sweep import Cut, _filling, cuts
+from brepgaussian.splatting.concave.sweep import _filling
 from brepgaussian.splatting.concave.volume import Volume
 
 SPACING = 1 / 100
@@ -133,6 +134,31 @@ def test_a_hole_that_nobody_sees_into_is_straight(monkeypatch, rays, widened):
     assert (opened.scene().signed_distance(in_bore) > 0).all() == widened
     assert (opened.scene().signed_distance(elsewhere) < 0).all()
     assert bool(prisms) == widened
+
+
+def test_faces_elsewhere_end_no_hole():
+    """The walls of a slot in a block's side lie between the ends of a bore, and not beside it."""
+    x, _, z = np.moveaxis(GRID, -1, 0)
+    slot = np.minimum(0.06 - np.abs(z - 0.5), 0.3 - x)
+    hull = narrowing_bore()
+    hull = hull.with_field(np.minimum(hull.field, -slot).astype(np.float32))
+    heights = {0.1: -1.0, 0.44: 1.0, 0.56: -1.0, 0.9: 1.0}
+    faces = [SimpleNamespace(normal=np.array([0, 0, side]), offset=side * h) for h, side in heights.items()]
+    longest = holes(hull, np.array([0, 0, 1.0]), faces)[0].prisms[0]
+    assert longest.depth == pytest.approx(0.8)
+    assert (longest.signed_distance(np.array([[0.585, 0.5, 0.5], [0.5, 0.415, 0.45]]), 0.0) < 0).all()
+
+
+def test_a_hole_is_no_wider_past_the_floor_of_its_counterbore():
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    block = np.minimum.reduce([0.3 - np.abs(x - 0.5), 0.3 - np.abs(y - 0.5), 0.4 - np.abs(z - 0.5)])
+    bore = np.where(z > 0.5, 0.2, 0.08) - np.hypot(x - 0.5, y - 0.5)
+    hull = Volume(np.minimum(block, -bore).astype(np.float32), np.zeros(3), SPACING)
+    faces = [
+        SimpleNamespace(normal=np.array([0, 0, side]), offset=side * height)
+        for height, side in ((0.1, -1.0), (0.5, 1.0), (0.9, 1.0))
+    ]
+    assert all(cut.prisms[0].depth < 0.45 for cut in holes(hull, np.array([0, 0, 1.0]), faces))
 
 
 def hole(normal, middle, depth, radius=0.06, error=0.1, through=True):

@@ -6,8 +6,7 @@ between two faces is taken to be empty all along, if the silhouettes stay filled
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,26 +14,19 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.columns import BESIDE_VOXELS, FINER, PARALLEL, Cut, cuts
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
-from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
-_PARALLEL = 0.998  # cosine of 3.6 degrees
 LEAST_AREA = 0.01  # of a face that ends a channel
-_END_VOXELS = 3.0  # at a channel's ends the hull is rounded
-_RIM_VOXELS = 1.0  # the same at an end that shows the section: past it the hull rises as steeply as cameras look down
-_BESIDE_VOXELS = 3  # so far from what is surely empty a section is as wide as its rim shows it
-_AT_END_VOXELS = 2  # there a channel shows its section; what crosses it in the middle is none of it
-_LEAST_CELLS = 12  # of a section's region that changes
-_FINER = 2  # cells of a section for each voxel
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
-_LEAST_PART_VOXELS = 60  # of one of several channels
 MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not at its brim: the section is wrong
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
@@ -45,23 +37,6 @@ _MOST_CHECKED = 12  # hypotheses of one direction, largest first
 _MOST_TRIED = 6  # of all directions, for the next cut, largest first
 
 logger = log.get_logger("stage1")
-
-
-@dataclass(frozen=True)
-class Cut:
-    """Columns to empty.
-
-    Attributes:
-        prisms: of one direction; their outlines are lateral, without margins.
-        volume: in voxels.
-        at_ends: whether both ends of each column are empty; else it is empty somewhere.
-        in_hole: whether it widens a hole that goes through from face to face.
-    """
-
-    prisms: tuple[Prism, ...]
-    volume: float
-    at_ends: bool
-    in_hole: bool = False
 
 
 def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
@@ -155,8 +130,8 @@ def directions(faces: Sequence[Plane]) -> list[Array]:
     """
     found: list[Array] = []
     for face in faces:
-        behind = any(face.normal @ o.normal < -_PARALLEL and face.offset > -o.offset for o in faces)
-        if behind and not any(abs(face.normal @ other) > _PARALLEL for other in found):
+        behind = any(face.normal @ o.normal < -PARALLEL and face.offset > -o.offset for o in faces)
+        if behind and not any(abs(face.normal @ other) > PARALLEL for other in found):
             found.append(face.normal)
     return found
 
@@ -182,113 +157,12 @@ def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:
         return cut
     lost = samples.reshape(len(chords.ray), -1, 3)[lost_rays(chords, removed)[chords.ray]].reshape(-1, 3)
     cells, _ = prism.lattice.coordinates(lost)
-    deep = prism.lateral(cells) < -_BESIDE_VOXELS * _FINER * prism.lattice.pitch
+    deep = prism.lateral(cells) < -BESIDE_VOXELS * FINER * prism.lattice.pitch
     if deep.any() and deep.mean() > _DEEP:
         return None
     brim = np.zeros_like(prism.outline)
     brim[tuple(np.clip(np.round(cells[~deep]).astype(int), 0, np.array(brim.shape) - 1).T)] = True
-    less = replace(prism, outline=prism.outline & ~ndimage.binary_dilation(brim, iterations=_FINER))
+    less = replace(prism, outline=prism.outline & ~ndimage.binary_dilation(brim, iterations=FINER))
     if not less.outline.any() or lost_share(chords, less.contains(samples, 0.0)) > MOST_LOST:
         return None
     return replace(cut, prisms=(less,))
-
-
-def cuts(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
-    """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
-    field, origin, spacing = hull.field, hull.origin, hull.spacing
-    first, second = plane_axes(normal)
-    corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in field.shape])).reshape(3, -1).T)
-    corners = corners @ np.stack([first, second, normal]).T
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    u, v, w = (np.arange(low[k], high[k], spacing) for k in range(3))
-    base = u[:, None, None] * first + v[None, :, None] * second
-    columns = np.empty((len(w), len(u), len(v)), np.float32)
-    for k, height in enumerate(w):
-        index = ((base + height * normal - origin) / spacing).reshape(-1, 3).T
-        columns[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(u), len(v))
-    found = []
-    for bottom, top, crossed in _spans(normal, faces, spacing):
-        inner = columns[(w > bottom + _END_VOXELS * spacing) & (w < top - _END_VOXELS * spacing)]
-        if not len(inner):
-            continue
-        start = (u[0] - spacing / 2) * first + (v[0] - spacing / 2) * second + top * normal
-        lattice = Lattice(start, first, second, normal, spacing / _FINER, (_FINER * len(u), _FINER * len(v)))
-        outer = columns[(w > bottom + _RIM_VOXELS * spacing) & (w < top - _RIM_VOXELS * spacing)]
-        anywhere = inner.min(axis=0)
-        sections = [(_at_ends(inner), _at_ends(outer), True)]
-        if not crossed:
-            sections.insert(0, (anywhere, anywhere, False))
-        for least, widest, open_ended in sections:
-            for outline, volume, in_hole in _sections(least, widest, inner, spacing):
-                prism = Prism(lattice, outline, top - bottom, False, 0.0)
-                found.append(Cut((prism,), volume, open_ended, in_hole and not crossed))
-    return found
-
-
-def _at_ends(columns: Field) -> Field:
-    """(R, C) negative where columns (K, R, C) are empty at both ends."""
-    return np.maximum(columns[:_AT_END_VOXELS].min(axis=0), columns[-_AT_END_VOXELS:].min(axis=0))
-
-
-def _sections(
-    least: Field, widest: Field, columns: Field, spacing: float
-) -> list[tuple[NDArray[np.bool_], float, bool]]:
-    """Outlines (finer by `_FINER`) of regions of columns (K, R, C) that are full somewhere, volumes in voxels, and
-    whether each is beside a hole.
-
-    Args:
-        least: (R, C) negative where a column counts as empty; widest: the same, for those beside such a region.
-    """
-    volume = (columns > 0).sum(axis=0)
-    most = columns.max(axis=0)
-    hole = ndimage.binary_fill_holes(most > 0) & (most <= 0)
-    labels, count = ndimage.label((least < 0) & (most > 0))
-    found = []
-    for k in range(1, count + 1):
-        member = labels == k
-        if member.sum() < _LEAST_CELLS or volume[member].sum() < _LEAST_PART_VOXELS:
-            continue
-        beside = ndimage.binary_dilation(member, iterations=_BESIDE_VOXELS)
-        section = member | beside & (widest < 0) & ((most <= 0) | (labels == 0))
-        fine = ndimage.zoom(np.where(section | (widest >= 0), widest, spacing), _FINER, order=1, grid_mode=True,
-                            mode="nearest")  # fmt: skip
-        near = ndimage.binary_dilation(np.kron(section, np.ones((_FINER, _FINER), bool)), iterations=_FINER)
-        outline = (fine < 0) & near
-        if outline.any():
-            in_hole = bool((hole & ndimage.binary_dilation(member)).any())
-            found.append((outline, float(volume[member].sum()), in_hole))
-    return found
-
-
-def _spans(normal: Array, faces: Sequence[Plane], spacing: float) -> list[tuple[float, float, bool]]:
-    """Where channels along a direction may begin and end, and whether other faces lie between.
-
-    A slot across a channel has two faces that end it there; past it the channel goes on, to a face that looks the
-    other way than the first.
-    """
-    steps = _steps(normal, faces, spacing)
-    spans = [(bottom, top, False) for bottom, top in pairwise(steps)]
-    down, up = (_steps(normal, [f for f in faces if side * (f.normal @ normal) > 0], spacing) for side in (-1, 1))
-
-    def near(height: float, ends: list[float]) -> bool:
-        return any(abs(height - end) <= 2 * _END_VOXELS * spacing for end in ends)
-
-    def between(ends: list[float], bottom: float, top: float) -> bool:
-        return any(bottom < end < top and not near(end, [bottom, top]) for end in ends)
-
-    long = [(steps[i], steps[j]) for i, j in combinations(range(len(steps)), 2) if j - i > 1]
-    return spans + [
-        (bottom, top, True)
-        for bottom, top in long
-        if near(bottom, down) and near(top, up) and between(down, bottom, top) and between(up, bottom, top)
-    ]
-
-
-def _steps(normal: Array, faces: Sequence[Plane], spacing: float) -> list[float]:
-    """Heights of the faces across a direction, ascending."""
-    heights = sorted(float(np.sign(f.normal @ normal) * f.offset) for f in faces if abs(f.normal @ normal) > _PARALLEL)
-    kept: list[float] = []
-    for height in heights:
-        if not kept or height - kept[-1] > 2 * _END_VOXELS * spacing:
-            kept.append(height)
-    return kept

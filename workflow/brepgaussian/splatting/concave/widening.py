@@ -10,12 +10,13 @@ import numpy as np
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.columns import LEAST_PART_VOXELS, holes
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sweep import LEAST_AREA, MOST_LOST, cuts, directions
+from brepgaussian.splatting.concave.sweep import LEAST_AREA, MOST_LOST, directions
 from brepgaussian.splatting.concave.volume import Volume
 
 _GAIN = 0.7  # of the views' disagreement is left at most (.2-.68 measured, .76 where a taper went),
@@ -54,9 +55,11 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
     done: list[Prism] = []
     opened = hull
     for normal in directions(planes):
-        for cut in cuts(hull, normal, planes):
+        for cut in holes(hull, normal, planes):
             prism = cut.prisms[0]
-            if not cut.in_hole or lost_share(chords, prism.contains(samples, 0.0)) > MOST_LOST:
+            less = opened.without(prism, 0.0)
+            new = np.count_nonzero((opened.field > 0) & (less.field <= 0))
+            if new < LEAST_PART_VOXELS or lost_share(chords, prism.contains(samples, 0.0)) > MOST_LOST:
                 continue
             said = disagreements(images, scene, hull.without(prism, 0.0).scene(), _REACH_VOXELS * hull.spacing)
             good = better(said, _GAIN, _FEW_RAYS, untold=True)
@@ -65,6 +68,6 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
                 np.round(normal, 2).tolist(), cut.volume, said[1], said[0], said[2], "" if good else ": not believed",
             )  # fmt: skip
             if good:
-                opened = opened.without(prism, 0.0)
+                opened = less
                 done.append(prism)
     return opened, done
