@@ -129,6 +129,30 @@ def test_chamfer_pieces_of_one_cone_become_one_primitive():
     assert np.degrees(found.surface.angle) == pytest.approx(45, abs=0.5)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_pieces_too_short_to_show_their_bend_join_the_cone_of_the_others(seed):
+    """Inside of their rounded borders a nut's chamfers turn by 6 to 9 degrees, as a plane that bulges may."""
+    rng = np.random.default_rng(seed)
+    whole = cone(np.full(3, 0.5), Z, 0.45, np.pi / 4)
+    top = sample(plane(np.array([0.5, 0.5, 0.55]), Z), 2000, rng, height=0.6)
+    pieces = [
+        (*top, np.zeros(2000)),
+        (*sample(cylinder(np.full(3, 0.5), Z, 0.2, flipped=True), 1500, rng), np.zeros(1500)),
+    ]
+    x, y, _ = whole.frame()
+    for k in range(6):
+        wide = 0.13 if k % 3 == 0 else 0.28
+        turn = rng.uniform(-wide, wide, 250)
+        radial = np.cos(turn + k * np.pi / 3)[:, None] * x + np.sin(turn + k * np.pi / 3)[:, None] * y
+        up = rng.uniform(-0.025, 0.025, 250)[:, None]
+        points = whole.origin + (whole.radius + up) * radial + up * Z
+        pieces.append((points, whole.normals(points), np.clip(3 * np.abs(turn) / wide - 1.5, 0, 1)))
+    result = primitives_of(cloud(pieces, rng, sigma=0.0007, turn=0.03), DEFAULT)
+    assert sorted(p.surface.kind for p in result.items) == ["cone", "cylinder", "plane"]
+    found = next(p.surface for p in result.items if p.surface.kind == "cone")
+    assert np.degrees(found.angle) == pytest.approx(45, abs=0.5)
+
+
 def test_two_holes_of_one_size_stay_two():
     rng = np.random.default_rng(3)
     pieces = [sample(plane(np.array([0.5, 0.5, 0.65]), Z), 3000, rng, height=0.9)]

@@ -2,7 +2,8 @@
 
 A short arc alone knows its axis and radius badly; several arcs of one surface know them well. A family is
 found from a pair of pieces along a known direction, joined by every piece that its surface explains, and kept
-if the one surface is a shorter description than the pieces' own.
+if the one surface is a shorter description than the pieces' own. A piece too short to show that it bends, and so
+a plane, joins where the family's surface explains it better.
 """
 
 from collections.abc import Iterator
@@ -52,6 +53,7 @@ def _best_family(
     curved = [i for i, p in enumerate(patches) if p.surface.kind != "plane"]
     curved = sorted(curved, key=lambda i: (len(patches[i].members), i))[:MOST_PIECES]
     some = {i: thinned(patches[i].members, EQUAL_COUNT // 2) for i in curved}
+    flat = [i for i, p in enumerate(patches) if p.surface.kind == "plane"]
     best: tuple[Surface, list[int]] | None = None
     best_gain = 0.0
     for direction in known.directions:
@@ -62,11 +64,20 @@ def _best_family(
                 if first not in group or second not in group:
                     continue
                 surface = _refitted(surface, group, some, cloud)
-                group = [i for i in group if misfit(patches[i], surface, cloud, noise) <= 1]
+                group = [
+                    *(i for i in group if misfit(patches[i], surface, cloud, noise) <= 1),
+                    *(i for i in flat if _better(surface, patches[i], cloud, noise)),
+                ]
                 gain = _gain(surface, [patches[i] for i in group], len(known.directions), cloud, noise)
                 if len(group) > 1 and gain > best_gain:
                     best, best_gain = (surface, group), gain
     return best
+
+
+def _better(surface: Surface, piece: Patch, cloud: Cloud, noise: Noise) -> bool:
+    """Whether a surface explains a piece better than its own, in distances and in normals."""
+    rms, turn = spreads(surface, cloud, piece.members)
+    return rms < piece.rms and turn < piece.turn and misfit(piece, surface, cloud, noise) <= 1
 
 
 def _pairs(curved: list[int], slopes: dict[int, float]) -> Iterator[tuple[int, int]]:

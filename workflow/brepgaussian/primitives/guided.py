@@ -115,6 +115,7 @@ def guide(
 def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> Surface:
     some = thinned(clear_of_edges(cloud, patch.members), settings.sample)
     points, normals = cloud.xyz[some], cloud.normals[some]
+    whole = cloud.xyz[patch.members]  # its rounded borders tell, too, how far a face turns
     candidates = [(patch.surface, price(patch.surface), 1), *_along(patch.surface, sources)]
     for start, free, choices in _starts(points, normals, sources):
         if start.kind not in settings.kinds:
@@ -124,7 +125,7 @@ def _shortest(patch: Patch, sources: Known, cloud: Cloud, noise: Noise, settings
         except (ValueError, np.linalg.LinAlgError):
             continue
         start = oriented(start, points, normals)
-        if plausible(start, points, settings.largest_radius):
+        if any(plausible(start, some_of_it, settings.largest_radius) for some_of_it in (points, whole)):
             rarity = price(start) - PARAMETERS[start.kind]  # as in a free choice
             candidates.append((start, len(free) + rarity, choices))
     misfits = np.array([misfit(s, points, normals) for s, _, _ in candidates])
