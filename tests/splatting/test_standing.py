@@ -54,6 +54,15 @@ def test_what_stands_over_a_part_of_a_hole_goes(reach, needed, cleared):
     assert (left.scene().signed_distance(beside) < 0).all()
 
 
+def test_a_hub_in_a_hole_is_not_cut_through_below_its_top():
+    """Silhouettes show its top, which would hide from them what is cut away below."""
+    face = replace(face_with_hole(), bulge=2 * SPACING)  # a slab lower than the column
+    hull = plate_with_column(0.54)
+    left = clear_holes(hull, [face], lambda points, scene: scene.signed_distance(points + 0.02 * UP) > 0, 0.05)
+    column = np.array([[0.59, 0.5, z] for z in (0.42, 0.44, 0.48)])
+    assert (left.scene().signed_distance(column) < 0).all()
+
+
 def floor_with(grey, agreed):
     """A floor of grey 180 with a disc of another grey, about which views agree or not; (R, C) the disc."""
     on = lattice(80)
@@ -95,12 +104,13 @@ def plate_with_hub(skirt):
     return Volume(np.maximum(plate, hub).astype(np.float32), np.zeros(3), SPACING)
 
 
-@pytest.mark.parametrize("skirt", [0.04, 0.08])
-def test_a_recess_around_a_hub_leaves_the_hub_out(monkeypatch, skirt):
+@pytest.mark.parametrize(("skirt", "hidden"), [(0.04, 0.04), (0.08, 0.08), (0.04, -0.015)])
+def test_a_recess_around_a_hub_leaves_the_hub_out(monkeypatch, skirt, hidden):
+    """The cells that a lattice leaves out of a face may be fewer than the hub has: those well inside of it."""
     monkeypatch.setattr(standing, "_filling", lambda found, *_: found)
     on = lattice()
     away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
-    domain = away > 0.08 + skirt
+    domain = away > 0.08 + hidden
     shown = np.full((9, *on.shape), LID, np.uint8)
     shown[::3, domain & (away < 0.25)] = WALL  # a third of the views see something else in the recess
     stack = Stack(on, domain, shown, shown * 1.0, np.zeros(on.shape))
@@ -113,6 +123,18 @@ def test_a_recess_around_a_hub_leaves_the_hub_out(monkeypatch, skirt):
     assert found[-1][1] == pytest.approx(0.2, abs=2 * PITCH)
     agreed = replace(stack, shown=np.full_like(shown, LID))  # a face, not a recess
     assert standing.around_hubs(agreed, plate_with_hub(skirt).scene(), None, 50 * PITCH**2) == []
+
+
+@pytest.mark.parametrize(("middle", "free"), [((0.5, 0.5), False), ((0.8, 0.8), True)])
+def test_nothing_is_open_under_a_hub_that_silhouettes_show(middle, free):
+    scene, on = plate_with_hub(0.0).scene(), lattice()
+    across, heights = np.repeat(np.linspace(-0.076, 0.076, 41), 5), np.tile(LEVEL + np.linspace(0.03, 0.17, 5), 41)
+    origins = np.column_stack([np.full(len(heights), -1.0), 0.5 + across, heights])
+    images = SimpleNamespace(contour_rays=(origins, np.tile([1.0, 0.0, 0.0], (len(origins), 1))))
+    domain = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1) > 0.07
+    stack = SimpleNamespace(lattice=on, domain=domain)
+    outline = np.linalg.norm(on.centers()[..., :2] - np.array(middle), axis=-1) < 0.15
+    assert bool(standing.standing_free([outline], stack, scene, images)) == free
 
 
 @pytest.mark.parametrize(("kept", "filled"), [(0.08, True), (0.075, True), (0.05, False)])

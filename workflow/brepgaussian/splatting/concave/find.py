@@ -31,7 +31,7 @@ from brepgaussian.splatting.concave.planes import (
 )
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.standing import around_hubs
+from brepgaussian.splatting.concave.standing import around_hubs, standing_free
 
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
@@ -144,6 +144,8 @@ def _concavities(
         whole = carried(floor.lattice, floor.outline, stack.lattice)
         outlines += beside_islands(stack, whole, regions)
     hubs = [] if centered else around_hubs(stack, scene, images, least)
+    if not centered:
+        outlines = standing_free(outlines, stack, scene, images)
     fits = []
     for outline, above in [*((outline, 0.0) for outline in outlines), *hubs]:
         if outline.any():

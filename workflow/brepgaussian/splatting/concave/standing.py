@@ -49,10 +49,19 @@ def around_hubs(stack: Stack, scene: Scene, images: Images, least_area: float) -
         foot = np.any(inside, axis=0)
         top = _top(stack, scene, foot)
         for share in _SECTIONS:
-            outline = recess & ~_section(stack, scene, foot, share * top)
+            outline = recess & ~_section(stack, scene, recess | foot, share * top)  # the foot is narrower than the hub
             if (outline & stack.domain).sum() * stack.lattice.pitch**2 >= least_area:
                 found.append((outline, top))
     return _filling(found, stack, scene, images)
+
+
+def standing_free(outlines: list[Outline], stack: Stack, scene: Scene, images: Images) -> list[Outline]:
+    """Outlines (R, C) in which nothing stands out of the plane that silhouettes show: under it nothing is open."""
+    standing = ndimage.binary_fill_holes(stack.domain) & ~stack.domain
+    tops = [_top(stack, scene, outline & standing) if (outline & standing).any() else 0.0 for outline in outlines]
+    tall = [(outline, top) for outline, top in zip(outlines, tops, strict=True) if top > 0]
+    filling = [outline for outline, _ in _filling(tall, stack, scene, images)]
+    return [o for o, top in zip(outlines, tops, strict=True) if top == 0 or any(o is other for other in filling)]
 
 
 def _filling(
@@ -77,9 +86,9 @@ def _top(stack: Stack, scene: Scene, foot: Outline) -> float:
     return top
 
 
-def _section(stack: Stack, scene: Scene, foot: Outline, height: float) -> Outline:
+def _section(stack: Stack, scene: Scene, within: Outline, height: float) -> Outline:
     """(R, C) cells over which the hull is solid at some height."""
-    solid = np.zeros(foot.shape, bool)
-    cells = stack.lattice.centers()[foot] + height * stack.lattice.normal
-    solid[foot] = scene.signed_distance(cells) < 0
+    solid = np.zeros(within.shape, bool)
+    cells = stack.lattice.centers()[within] + height * stack.lattice.normal
+    solid[within] = scene.signed_distance(cells) < 0
     return solid

@@ -41,10 +41,12 @@ def clear_holes(hull: Volume, faces: Sequence[Face], needed: Needed, most: float
     scene = hull.scene()
     for face in faces:
         for hole in _holes(face.outline):
-            standing = _standing(scene, face, hole, hull.spacing)
+            height = face.bulge + _SLACK_VOXELS * hull.spacing
+            standing = _standing(scene, face, hole, _ABOVE_VOXELS * hull.spacing)
             if not _LEAST_CELLS <= standing.sum() <= _MOST_STANDING * hole.sum():
                 continue
-            height = face.bulge + _SLACK_VOXELS * hull.spacing
+            if _standing(scene, face, hole, height).sum() >= _LEAST_CELLS:
+                continue  # no remains of a bulge, but a hub: what is left of it above would hide what silhouettes show
             within, heights = over(face.lattice, hole, scene.vertices)
             samples = scene.vertices[within & (heights > _ABOVE_VOXELS * hull.spacing) & (heights < height)]
             cleared = hull.without(Prism(face.lattice, hole, 0.0, False, 0.0), height)
@@ -62,7 +64,7 @@ def _holes(outline: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     return [labels == k for k in range(1, count + 1) if sizes[k] >= _LEAST_CELLS]
 
 
-def _standing(scene: Scene, face: Face, hole: NDArray[np.bool_], spacing: float) -> NDArray[np.bool_]:
-    """(C,) over which cells of a hole the hull reaches above the plane."""
-    above = face.lattice.centers()[hole] + _ABOVE_VOXELS * spacing * face.lattice.normal
+def _standing(scene: Scene, face: Face, hole: NDArray[np.bool_], height: float) -> NDArray[np.bool_]:
+    """(C,) over which cells of a hole the hull reaches that high above the plane."""
+    above = face.lattice.centers()[hole] + height * face.lattice.normal
     return np.asarray(scene.signed_distance(above) < 0)
