@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.brep import occ
+from brepgaussian.brep.blends import exact_blends, size
 from brepgaussian.brep.build_faces import build_face
 from brepgaussian.brep.cells import arrange
 from brepgaussian.brep.evidence import gather
@@ -18,6 +19,7 @@ from brepgaussian.brep.labelling import Weights, label, one_body
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polyhedron import polyhedral
 from brepgaussian.brep.refine.mesh import FaceMesh, from_solid
+from brepgaussian.brep.rounding import rounded_off
 from brepgaussian.brep.sheets import Sheet, make_sheet
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.brep.solid import boundary, solid_from_facets
@@ -85,8 +87,20 @@ def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
     Raises:
         StageError: there is none.
     """
-    settings = job.settings
     patches = patches_of(job, rung)
+    if not job.blends:
+        return _arranged(job, rung, patches)
+    fillets = {b.patch for b in job.blends}
+    faces = [i for i in range(len(patches)) if i not in fillets]
+    widest = max(size(patches[i].surface) for i in fillets)  # sharp edges lie that far beyond the faces' ends
+    wider = replace(rung, margin=rung.margin + widest, extend=tuple(k for k, i in enumerate(faces) if i in rung.extend))
+    sharp, notes = _arranged(job, wider, [patches[i] for i in faces])
+    return rounded_off(sharp, patches, job.blends), notes
+
+
+def _arranged(job: Job, rung: Rung, patches: Sequence[Patch]) -> tuple[Any, dict[str, Any]]:
+    """The solid of some patches, each edge of which is where its faces meet."""
+    settings = job.settings
     sheets = make_sheets(patches, rung)
     arrangement = arrange([build_face(s) for s in sheets], [s.patch for s in sheets], settings.fuzzy)
     evidence = gather(arrangement, patches, job.silhouettes if rung.silhouettes else None)
@@ -104,7 +118,7 @@ def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
 
 def patches_of(job: Job, rung: Rung) -> tuple[Patch, ...]:
     """The patches that take part in a rung."""
-    return (*job.patches, *job.guesses(rung))
+    return tuple(exact_blends((*job.patches, *job.guesses(rung)), job.blends))
 
 
 def make_sheets(patches: Sequence[Patch], rung: Rung) -> list[Sheet]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.brep.blends import Blend
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.silhouettes import Silhouettes
 from brepgaussian.brep.verdict import Verdict
@@ -47,6 +48,7 @@ class Job:
         left_out: patches that take no part in the solid; their points are still evidence of what lies on it.
         labelling: which one of `points.ply` the patches are from; 0 = the first.
         floors: of bores whose ends no view shows; they follow the patches on every rung, before the caps.
+        blends: patches that are fillets: the solid is built without them, and its edges are rounded.
     """
 
     patches: tuple[Patch, ...]
@@ -58,6 +60,7 @@ class Job:
     left_out: tuple[Patch, ...] = ()
     labelling: int = 0
     floors: tuple[Patch, ...] = ()
+    blends: tuple[Blend, ...] = ()
 
     def guesses(self, rung: Rung) -> tuple[Patch, ...]:
         """Faces without points of their own that take part in a rung, after the patches."""

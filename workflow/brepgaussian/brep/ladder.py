@@ -9,6 +9,7 @@ import numpy as np
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitives
 from brepgaussian.artifacts.views import Views
+from brepgaussian.brep.blends import blended, spare
 from brepgaussian.brep.borders import continuing, open_points
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
@@ -92,9 +93,10 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job without skins, with smooth fillets, with planes for curved walls, with what symmetries carry, with
-    straight profiles, with grooves.
+    """The job with rolled fillets, without skins, with smooth fillets, with planes for curved walls, with what
+    symmetries carry, with straight profiles, with grooves.
     """
+    yield from rolled(job, sigma)
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)
     smooth = rounded(walls, sigma) or walls
@@ -114,6 +116,19 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     grooves = grooved(job.patches)
     if grooves:
         yield applied(job, grooves)
+
+
+def rolled(job: Job, sigma: float) -> Iterator[Job]:
+    """The job with its fillets rolled on a solid with sharp edges, if it has any."""
+    patches, blends = blended(job.patches, sigma)
+    torn = spare(patches, blends, sigma)
+    if torn:
+        job = applied(job, [Change("without spare patches", tuple(torn), ())])
+        patches, blends = blended(job.patches, sigma)
+    if blends:
+        log = get_logger("brep")
+        log.info("%d fillets of edges, %d of corners", *(sum(len(b.faces) == n for b in blends) for n in (2, 3)))
+        yield replace(job, patches=tuple(patches), blends=blends)
 
 
 def bared(job: Job) -> Iterator[Job]:

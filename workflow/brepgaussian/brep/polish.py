@@ -159,7 +159,9 @@ def _rebuilt(
     used = {f.surface for f in result.structure.faces}
     moved = with_surfaces(job, rung, result.surfaces, used)
     own = (result.mesh, result.structure, result.surfaces, moved, rung)
-    calls = [("refine.support:rebuild", (*own, margin)) for margin in _MARGINS] + [("assemble:attempt", (moved, rung))]
+    calls: list[tuple[str, tuple[Any, ...]]] = [("assemble:attempt", (moved, rung))]
+    if not job.blends:  # fillets are rolled on the faces themselves
+        calls = [("refine.support:rebuild", (*own, margin)) for margin in _MARGINS] + calls
     fault, spare = "", None
     for function, arguments in calls:
         try:

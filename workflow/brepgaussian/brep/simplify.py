@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brepgaussian.brep.blends import Blend
 from brepgaussian.brep.job import Job
 from brepgaussian.brep.patches import Patch, touch
 from brepgaussian.geometry.fit_robust import fit_robust
@@ -93,11 +94,14 @@ def applied(job: Job, changes: Sequence[Change]) -> Job:
         patches += change.new
         opened += [any(i in job.open_patches for i in change.gone)] * len(change.new)
     order = sorted(range(len(patches)), key=lambda k: patches[k].primitive)
+    place = {kept[k]: i for i, k in enumerate(order) if k < len(kept)}
+    blends = [b for b in job.blends if place.keys() >= {b.patch, *b.faces}]
     return replace(
         job,
         patches=tuple(patches[k] for k in order),
         open_patches=tuple(i for i, k in enumerate(order) if opened[k]),
         left_out=tuple(left_out),
+        blends=tuple(Blend(place[b.patch], tuple(place[i] for i in b.faces)) for b in blends),
     )
 
 
