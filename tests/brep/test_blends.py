@@ -8,7 +8,7 @@ from brepgaussian.brep.blends import Blend, blended, exact_blends, levels, spare
 from brepgaussian.brep.job import Job, Rung
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.simplify import Change, applied
-from brepgaussian.geometry.surfaces import cylinder, sphere
+from brepgaussian.geometry.surfaces import cylinder, plane, sphere
 from brepgaussian.settings.brep import BrepSettings
 
 SIZE = np.array([1.0, 0.8, 0.5])
@@ -144,6 +144,24 @@ def test_pieces_that_labels_tore_off_are_spare(kit):
     torn = replace(patches[5], primitive=99, xyz=patches[5].xyz[piece], normals=patches[5].normals[piece])
     every, blends = blended([*patches, torn], 0.002)
     assert spare(every, blends, 0.002) == [len(patches)]
+
+
+@pytest.mark.parametrize(("share", "gone"), [(0.5, True), (1.0, False)])
+def test_chords_of_fillets_are_spare_and_chamfers_are_not(kit, share, gone):
+    """A plane across half of a fillet's turn, as reconstructions have them, and one across all of it."""
+    patches = rounded_box(kit)
+    fillet = patches[6]
+    rng = np.random.default_rng(4)
+    turn = share * np.pi / 2
+    middle = fillet.surface.origin * [1, 1, 0] + [0, 0, 0.5]
+    ends = [middle - 0.1 * np.array([np.cos(a), np.sin(a), 0.0]) for a in (0.0, turn)]
+    along = np.array([0.0, 0.0, 0.2]) * rng.uniform(-1, 1, (300, 1))
+    xyz = ends[0] + rng.uniform(0, 1, (300, 1)) * (ends[1] - ends[0]) + along
+    normal = middle - (ends[0] + ends[1]) / 2
+    flat = plane((ends[0] + ends[1]) / 2, -normal)
+    chord = replace(fillet, primitive=99, surface=flat, xyz=xyz, normals=np.tile(flat.axis, (300, 1)), sigma=0.0005)
+    every, blends = blended([*patches, chord], 0.002)
+    assert (spare(every, blends, 0.002) == [len(patches)]) == gone
 
 
 def test_fillets_along_which_others_run_go_first():

@@ -27,6 +27,7 @@ _EQUAL = 1.1  # ratio of radii that follow each other in size and are meant to b
 _EXACT = 1.01  # the same where images have told them; the kernel makes a ball of equal ones only
 _BETTER = 2.0  # times the least residual: among fillets of that much the larger faces are meant
 _SPARE = 0.9  # of a patch's points that lie on what is beside it
+_CHORD = 0.1  # radii from a fillet to points that cut across a part of it: of an eighth of a turn .08
 _BALL = 2.5  # radii from a corner's ball to each of its fillets' points
 _FEW = 8  # points of a patch
 
@@ -83,15 +84,20 @@ def _closest(patch: Patch, faces: Sequence[Surface]) -> Surface | None:
 
 def spare(patches: Sequence[Patch], blends: Sequence[Blend], noise: float) -> list[int]:
     """Indices of patches that are no fillets nor faces of any, and lie on those beside them: labels tore them off."""
-    taken = {b.patch for b in blends} | {i for b in blends for i in b.faces}
+    fillets = {b.patch for b in blends}
+    taken = fillets | {i for b in blends for i in b.faces}
     result = []
     for i in (i for i in range(len(patches)) if i not in taken):
         patch = patches[i]
-        beside = [patches[k].surface for k in neighbours(i, patches) if k in taken]
-        if beside:
-            off = np.min([np.abs(s.signed_distance(patch.xyz)) for s in beside], axis=0)
-            if np.mean(off <= _WORSE * max(patch.sigma, noise)) >= _SPARE:
-                result.append(i)
+        own = _WORSE * max(patch.sigma, noise)
+        off = [
+            np.abs(surface.signed_distance(patch.xyz)) / max(own, _CHORD * size(surface) if k in fillets else 0.0)
+            for k in neighbours(i, patches)
+            if k in taken
+            for surface in [patches[k].surface]
+        ]
+        if off and np.mean(np.min(off, axis=0) <= 1) >= _SPARE:
+            result.append(i)
     return result
 
 
