@@ -184,7 +184,7 @@ class Search:
         assert self.views is not None
         shape = shape_of(attempt)
         if shape not in self.polished:
-            self.budget.refinements -= 1
+            self.budget.refined()
             self.polished[shape] = polish(self.worker, self.job, self._rung(attempt.rung), attempt, self.views)
         return self.polished[shape]
 
@@ -219,7 +219,7 @@ class Search:
         settings = self.job.settings
         if self.views is None or not (settings.simplify and settings.refine):
             return None
-        left = Budget(settings.simplify_solids, settings.simplify_trials)
+        left = self.budget.other(settings.simplify_solids, settings.simplify_trials)
         notes = list(best.report.get("trials", []))
         refused = {note["changes"][0] for note in notes if note["fault"] and len(note["changes"]) == 1}
         rung = self._rung(best.attempt.rung)

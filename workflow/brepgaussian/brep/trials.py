@@ -83,15 +83,15 @@ class Trials:
 
     def _edged(self) -> None:
         """Try other edges where the images refuse those that there are; simpler solids have a budget of their own."""
-        left, self.left = self.left, Budget(_RUNGS * _MOST_EDGED, _MOST_EDGED)
+        left, self.left = self.left, self.left.other(_RUNGS * _MOST_EDGED, _MOST_EDGED)
         for change in slants(self.job.patches):  # before chamfers, which could stand for a rounding
             self._tried([change], simpler=False, enough=bears)
         for change in self._at_edges(refused_slants):
             self._tried([change], simpler=False, enough=mends)
         for alone, most in ((False, _MOST_EDGED), (True, _MOST_ALONE)):
-            self.left = Budget(_RUNGS * most, most)
+            self.left = left.other(_RUNGS * most, most)
             while any(self._either(changes) for changes in self._widths(alone)):
-                self.left = Budget(_RUNGS * most, most)  # where one edge was far off, others show now
+                self.left = left.other(_RUNGS * most, most)  # where one edge was far off, others show now
         self.left = left
 
     def _widths(self, alone: bool) -> Iterator[tuple[Change | None, ...]]:
@@ -104,7 +104,7 @@ class Trials:
         """Try other walls where the images still refuse the solid, one place after the other."""
         if self.best.report.get("accepted") is not False:
             return
-        self.left = Budget(_RUNGS * _MOST_MENDS, _MOST_MENDS)
+        self.left = self.left.other(_RUNGS * _MOST_MENDS, _MOST_MENDS)
         while not self.left.spent and not self.best.report["accepted"]:
             changes = [c for c in self._mends() if c.name not in self.refused]
             if not any(self._tried([change], simpler=False, enough=mends) for change in changes):
@@ -115,7 +115,7 @@ class Trials:
         changes = self._fillets()
         if not changes:
             return
-        self.job, self.left = self._refined(), Budget(_RUNGS * len(changes), len(changes))
+        self.job, self.left = self._refined(), self.left.other(_RUNGS * len(changes), len(changes))
         for change in changes:
             if self._tried([change], simpler=False, enough=calms):
                 break
@@ -249,7 +249,7 @@ class Trials:
             elif _off(verdict, before, job.settings):
                 fault = "silhouettes are off by far"
             else:
-                self.left.refinements -= 1
+                self.left.refined()
                 polished = polish(self.worker, job, rung, attempt, self.views)
                 known |= {shape} if polished.report.get("refined") else set()
                 fault = (against if simpler else short_of)(polished, self.best, job.settings)

@@ -65,6 +65,9 @@ class BrepSettings:
         48, "Solids built on rungs of the ladder after which no other rung or explanation is tried.", minimum=1
     )
     most_refinements: int = setting(16, "The same for solids refined in the search.", minimum=1)
+    most_work: int = setting(
+        30, "Solids refined for one object, trials of simpler and other solids included.", minimum=1
+    )
     polyhedron_faces: int = setting(400, "Triangles of the polyhedral fallback.", minimum=20)
     refine: bool = setting(True, "Refine all surfaces together against the images' sub-pixel edges.")
     simplify: bool = setting(True, "Try solids with fewer or simpler faces, take those that the images like as well.")
