@@ -96,10 +96,11 @@ MOUNTS = {
     "cradle_block": (15, 3, 0, 0, 0),
     "drive_plate": (16, 8, 0, 0, 0),
 }
-COUNTED = FIXTURE | MOUNTS
+ROUNDED = {"spoked_wheel": (24, 4, 0, 0, 0), "rounded_case": (6, 13, 0, 8, 0), "rounded_angle": (8, 9, 0, 0, 0)}
+COUNTED = FIXTURE | MOUNTS | ROUNDED
 
 
-@pytest.mark.parametrize(("module", "counted"), [("fixture", FIXTURE), ("mounts", MOUNTS)])
+@pytest.mark.parametrize(("module", "counted"), [("fixture", FIXTURE), ("mounts", MOUNTS), ("rounded", ROUNDED)])
 def test_every_part_of_a_module_is_counted(module, counted):
     assert set(counted) == {name for name, info in PARTS.items() if info.module == module}
 
@@ -245,10 +246,25 @@ def test_mounts_have_the_volumes_of_the_formulas():
     assert build_part("cradle_block").volume == pytest.approx(60 * 34 * 30 - cradle - sides, rel=1e-5)
 
 
+def test_a_rounded_case_has_the_volume_of_steiners_formula():
+    a, b, c, r = 48, 28, 13, 6
+    rounded = a * b * c + 2 * r * (a * b + b * c + c * a) + math.pi * r**2 * (a + b + c) + 4 / 3 * math.pi * r**3
+    assert build_part("rounded_case").volume == pytest.approx(rounded - math.pi * 8**2 * 25, rel=1e-6)
+
+
+def test_a_spoked_wheel_has_the_volume_of_the_formula():
+    rings = math.pi * ((40**2 - 32**2) * 15 + (12**2 - 5**2) * 20)
+
+    def along(y):  # a spoke's length beside its middle, between hub and rim
+        return math.sqrt(32**2 - y * y) - math.sqrt(12**2 - y * y)
+
+    assert build_part("spoked_wheel").volume == pytest.approx(rings + 50 * over(along, 3.5), rel=1e-6)
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 81
+    assert len(PARTS) == 84
     assert len(held_out) * 3 >= len(PARTS)
 
 

@@ -129,6 +129,9 @@ PARTS: dict[str, PartInfo] = {
     ),
     "cradle_block": PartInfo("mounts", "a shallow cylinder between narrow lands, grooves", HOLDOUT),
     "drive_plate": PartInfo("mounts", "a hexagonal hole through a boss, slots with round ends, a flat", HOLDOUT),
+    "spoked_wheel": PartInfo("rounded", "a hub that stands out of a rim, seen between spokes", TUNED),
+    "rounded_case": PartInfo("rounded", "all edges rounded, with balls in the corners", TUNED),
+    "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", HOLDOUT),
 }
 
 
