@@ -53,7 +53,7 @@ def blended(patches: Sequence[Patch], noise: float) -> tuple[list[Patch], tuple[
         return list(patches), ()
     blends = list(edges)
     result = _resized(patches, edges)
-    for faces in _corners(blends, result):
+    for faces in list(_corners(edges, result)):
         result, ball = _with_ball(result, faces, blends, noise)
         blends += [] if ball is None else [ball]
     result = _resized(result, edges)  # without the points of balls they know it better
