@@ -8,7 +8,7 @@ from brepgaussian.brep.blends import Blend, blended, exact_blends, levels, spare
 from brepgaussian.brep.job import Job, Rung
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.simplify import Change, applied
-from brepgaussian.geometry.surfaces import cylinder, plane, sphere
+from brepgaussian.geometry.surfaces import cone, cylinder, plane, sphere
 from brepgaussian.settings.brep import BrepSettings
 
 SIZE = np.array([1.0, 0.8, 0.5])
@@ -162,6 +162,32 @@ def test_chords_of_fillets_are_spare_and_chamfers_are_not(kit, share, gone):
     chord = replace(fillet, primitive=99, surface=flat, xyz=xyz, normals=np.tile(flat.axis, (300, 1)), sigma=0.0005)
     every, blends = blended([*patches, chord], 0.002)
     assert (spare(every, blends, 0.002) == [len(patches)]) == gone
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_fillet_that_was_taken_for_a_cone_is_told_by_the_others(kit, seed):
+    """A short one, under one label with a part of both its balls."""
+    patches = rounded_box(kit, seed=seed)
+    fillet, *balls = patches[6], patches[18], patches[19]  # the edge along z at the least x and y
+    xyz, normals = (np.concatenate([getattr(p, what) for p in (fillet, *balls)]) for what in ("xyz", "normals"))
+    leaning = cone(fillet.surface.origin, np.array([0.1, 0.1, 1.0]) / np.sqrt(1.02), 0.1, 0.05)
+    taken = replace(fillet, surface=leaning, xyz=xyz, normals=normals)
+    left = [taken if i == 6 else p for i, p in enumerate(patches) if i not in (18, 19)]
+    found, blends = blended(left, 0.002)
+    assert [b.faces for b in blends if b.patch == 6] == [(0, 2)]
+    assert sum(len(b.faces) == 3 for b in blends) == 8
+    assert len(found) == 26
+
+
+def test_a_sharp_edge_between_rounded_ones_stays_sharp(kit):
+    """What lies beside it is a chamfer, not a part of a fillet."""
+    patches = rounded_box(kit, seed=6)
+    chamfer = plane(patches[6].xyz.mean(axis=0), -np.array([1.0, 1.0, 0.0]) / np.sqrt(2))
+    flat = replace(patches[6], surface=chamfer, xyz=chamfer.project(patches[6].xyz))
+    flat = replace(flat, normals=chamfer.normals(flat.xyz))
+    _, blends = blended([flat if i == 6 else p for i, p in enumerate(patches)], 0.002)
+    assert 6 not in {b.patch for b in blends}
+    assert sum(len(b.faces) == 2 for b in blends) == 11
 
 
 def test_fillets_along_which_others_run_go_first():

@@ -28,6 +28,8 @@ _EXACT = 1.01  # the same where images have told them; the kernel makes a ball o
 _BETTER = 2.0  # times the least residual: among fillets of that much the larger faces are meant
 _SPARE = 0.9  # of a patch's points that lie on what is beside it
 _CHORD = 0.1  # radii from a fillet to points that cut across a part of it: of an eighth of a turn .08
+_FACING = np.cos(np.radians(12.0))  # between the normals of a fillet and of a point on it: a flat face has one, not all of them
+_MOSTLY = 0.5  # of a patch's points that lie on a fillet whose neighbours tell it
 _BALL = 2.5  # radii from a corner's ball to each of its fillets' points
 _FEW = 8  # points of a patch
 
@@ -51,8 +53,11 @@ def blended(patches: Sequence[Patch], noise: float) -> tuple[list[Patch], tuple[
     edges = [blend for i in range(len(patches)) for blend in _edge_blends(i, patches, noise)]
     if not edges:
         return list(patches), ()
-    blends = list(edges)
     result = _resized(patches, edges)
+    for blend, surface in list(_left_out(edges, result, noise)):
+        result[blend.patch] = replace(result[blend.patch], surface=surface, sigma=surface.rms(result[blend.patch].xyz))
+        edges.append(blend)
+    blends = list(edges)
     for faces in list(_corners(edges, result)):
         result, ball = _with_ball(result, faces, blends, noise)
         blends += [] if ball is None else [ball]
@@ -121,6 +126,42 @@ def levels(blends: Sequence[Blend]) -> list[list[Blend]]:
 
 def _is_face(blend: Blend, blends: Iterable[Blend]) -> bool:
     return any(blend.patch in other.faces for other in blends)
+
+
+def _left_out(edges: Sequence[Blend], patches: Sequence[Patch], noise: float) -> Iterator[tuple[Blend, Surface]]:
+    """Patches on the fillet that an edge has if it is rounded as the others of a corner are, taken for something else.
+
+    A short fillet turns into its corners on both ends, and a cone or a sphere fits all of that better.
+    """
+    by_faces = {tuple(sorted(b.faces)): patches[b.patch].surface for b in edges}
+    taken = {b.patch for b in edges} | {i for b in edges for i in b.faces}
+    planes = sorted({i for pair in by_faces for i in pair if patches[i].surface.kind == "plane"})
+    for faces in combinations(planes, 3):
+        pairs = list(combinations(faces, 2))
+        known = [by_faces[pair] for pair in pairs if pair in by_faces]
+        if len(known) != 2 or size(known[0]) != size(known[1]) or known[0].flipped != known[1].flipped:
+            continue
+        (edge,) = (pair for pair in pairs if pair not in by_faces)
+        first, second = (patches[i].surface for i in edge)
+        if abs(float(first.axis @ second.axis)) >= _TURN:
+            continue
+        surface = rolling(first, second, size(known[0]) * known[0].sign)
+        on = {
+            i: int(_on_fillet(surface, patches[i], noise).sum())
+            for i in range(len(patches))
+            if i not in taken and set(edge) & set(neighbours(i, patches))
+        }
+        best = max(on, key=lambda i: on[i], default=None)
+        if best is not None and on[best] > _MOSTLY * len(patches[best].xyz):
+            taken.add(best)
+            by_faces[edge] = surface
+            yield Blend(best, edge), surface
+
+
+def _on_fillet(surface: Surface, patch: Patch, noise: float) -> NDArray[np.bool_]:
+    """Which points of a patch lie on a fillet and face as it does."""
+    near = np.abs(surface.signed_distance(patch.xyz)) <= max(_WORSE * noise, _CHORD * size(surface))
+    return np.asarray(near & (np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals) > _FACING))
 
 
 def _builder(faces: Sequence[Surface]) -> Builder:
