@@ -72,13 +72,13 @@ def mean_cost(costs: Costs) -> float:
     return float(costs[0][costs[1]].mean()) if costs[1].any() else 0.0
 
 
-def rays_at_object(images: Images) -> Rays:
-    """A ray for every few pixels that surely show the object."""
+def rays_at_object(images: Images, stride: int = _STRIDE_PX) -> Rays:
+    """A ray for every few pixels, `stride` along each side, that surely show the object."""
     views = images.views
     origins, directions, greys = [], [], []
     for view, alpha in enumerate(views.alpha):
-        rows, columns = np.nonzero(alpha[::_STRIDE_PX, ::_STRIDE_PX] > _OPAQUE)
-        rows, columns = rows * _STRIDE_PX, columns * _STRIDE_PX
+        rows, columns = np.nonzero(alpha[::stride, ::stride] > _OPAQUE)
+        rows, columns = rows * stride, columns * stride
         center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
         origins.append(np.broadcast_to(center, ray.shape))
         directions.append(ray)

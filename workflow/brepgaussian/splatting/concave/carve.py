@@ -6,6 +6,7 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
+from brepgaussian.splatting.concave.islands import with_islands
 from brepgaussian.splatting.concave.join import joined, told_once
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
@@ -71,6 +72,7 @@ def open_concavities(
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             if k not in ends:
                 known[k] = shortened(images, hull, known[k], margins[k])
+                known[k] = with_islands(images, hull, known[k], margins[k])
             hull = hull.without(known[k], margins[k])
         for bend in found_bends:
             hull = cut(hull, bend)

@@ -156,6 +156,7 @@ def _near(section: Section) -> Iterator[Family]:
         if b > a:
             a, b, turned = b, a, angle + np.pi / 2
         yield from _rectangles(x, y, turned, a, b)
+        yield _rounded, [x, y, turned, a, b, shape.radius]  # few places lie on small corners: from far they are missed
     elif isinstance(shape, Polygon):
         yield (_hexagon if shape.sides == 6 else _octagon), [x, y, angle, shape.inner]
         yield _circle, [x, y, (shape.inner + shape.reach) / 2]  # cells hardly tell them apart

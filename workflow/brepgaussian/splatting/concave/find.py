@@ -171,13 +171,16 @@ def _hangs(whole: Prism, around: Prism) -> bool:
 
 
 def _floor_of(region: PlanarRegion, known: Sequence[Prism], tolerance: float) -> Prism | None:
-    """The known concavity whose floor a planar region is."""
+    """The known concavity whose floor a planar region is, or the boss in one whose top it is."""
+    center = region.offset * region.normal  # the plane's point nearest to the frame's origin
     for prism in known:
         along = float(region.normal @ prism.lattice.normal)
-        center = region.offset * region.normal  # the plane's point nearest to the frame's origin
         height = float((prism.lattice.origin - center) @ prism.lattice.normal)
         if along > PARALLEL and abs(height - prism.depth) < tolerance and not (prism.through or prism.domed):
             return prism
+        for island in prism.islands:
+            if along > PARALLEL and abs(height + island.depth - prism.depth) < tolerance:
+                return island
     return None
 
 

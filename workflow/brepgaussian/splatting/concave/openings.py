@@ -23,7 +23,7 @@ _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
 _OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 _BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
-_SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
+SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
 _BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
@@ -76,6 +76,12 @@ class Stack:
         return _against(self.shown)
 
     @cached_property
+    def agreement(self) -> Array:
+        """(R, C) share of the views that show what the others do; none where few see a cell."""
+        seen = (self.shown != UNSEEN).sum(axis=0)
+        return np.asarray(np.where(seen >= _LEAST_VIEWS, (self.shown == LID).sum(axis=0) / np.maximum(seen, 1), 0))
+
+    @cached_property
     def refuted(self) -> NDArray[np.bool_]:
         """(R, C) cells about which views differ, but for the blur at the face's border."""
         inner = ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
@@ -105,6 +111,19 @@ def rectify(images: Images, scene: Scene, lattice: Lattice, relief: Array | None
     distance = scene.signed_distance(cells)
     on_hull = (np.abs(distance) < slack).reshape(lattice.shape)
     domain = ndimage.binary_fill_holes(on_hull) & (distance > -slack).reshape(lattice.shape)
+    return _stack(images, scene, lattice, domain, relief, normals)
+
+
+def across(images: Images, scene: Scene, lattice: Lattice, domain: NDArray[np.bool_]) -> Stack:
+    """Look at cells (R, C) of a plane through all views, whether or not it is a face of the hull there."""
+    normals = np.broadcast_to(lattice.normal, (lattice.shape[0] * lattice.shape[1], 3))
+    return _stack(images, scene, lattice, domain, np.zeros(lattice.shape), normals)
+
+
+def _stack(
+    images: Images, scene: Scene, lattice: Lattice, domain: NDArray[np.bool_], relief: Array, normals: Array
+) -> Stack:
+    cells = (lattice.centers() - relief[..., None] * lattice.normal).reshape(-1, 3)
     grey, shown = _look(images, scene, cells, normals, lattice.pitch, domain.ravel())
     shape = (len(grey), *lattice.shape)
     return Stack(lattice, domain, shown.reshape(shape), grey.reshape(shape), relief)
@@ -201,7 +220,7 @@ def _agreed(stack: Stack, region: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(F,) about which cells of a region (R, C) nearly all views agree."""
     shown = stack.shown[:, region]  # (V, F)
     lid, seen = (shown == LID).sum(axis=0), (shown != UNSEEN).sum(axis=0)
-    return np.asarray((seen > 0) & (lid >= _SURFACE_SHARE * seen))
+    return np.asarray((seen > 0) & (lid >= SURFACE_SHARE * seen))
 
 
 def _sharpen(outline: NDArray[np.bool_], share: Array, island: NDArray[np.bool_]) -> NDArray[np.bool_]:

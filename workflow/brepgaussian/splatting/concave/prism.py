@@ -1,6 +1,6 @@
 """A prismatic concavity: a planar outline, pushed into the solid to a flat floor, straight, leaning or tapered."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -83,6 +83,7 @@ class Prism:
         domed: whether its floor is a spherical cap as wide as its walls there; it is round.
         above: how high the hull stands over the opening, where it fills the corner beside a hub.
         section: what the outline is a drawing of, if it is one of the usual ones; its walls are straight.
+        islands: what stands on its floor and ends below its opening: straight, from a top (the lattice) down.
     """
 
     lattice: Lattice
@@ -97,6 +98,7 @@ class Prism:
     domed: bool = False
     above: float = 0.0
     section: Section | None = None
+    islands: tuple["Prism", ...] = ()
 
     @property
     def area(self) -> float:
@@ -140,7 +142,16 @@ class Prism:
         bottom = self.depth + (margin if self.through else 0.0)
         vertical = np.maximum(height - margin, -height - bottom)
         walls = np.maximum(lateral, vertical)
-        return np.maximum(walls, self._cap(cells, height)) if self.domed else walls
+        if self.domed:
+            walls = np.maximum(walls, self._cap(cells, height))
+        for island in self.islands:
+            around, over = island.lattice.coordinates(points)
+            walls = np.maximum(walls, -np.maximum(island.lateral(around), over))
+        return walls
+
+    def lowered(self, depth: float) -> Lattice:
+        """Its lattice, so much deeper in it."""
+        return replace(self.lattice, origin=self.lattice.origin - depth * self.lattice.normal)
 
     def _cap(self, cells: Array, height: Array) -> Array:
         """(N,) distance to the spherical floor, negative within the sphere and above its widest place in the walls."""

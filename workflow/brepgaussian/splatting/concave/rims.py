@@ -4,7 +4,7 @@ What lies behind the rim moves from view to view; the step at the rim doesn't. T
 normals, where an outline of cells is wrong by up to two: at the ends of slots walls are seen by few views.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,15 @@ _ROUNDS, _FIRM_CELLS = 6, 0.1  # of the search for the plane's height; deviation
 _TOLD = 0.6  # of the places, for the rim to say more than the cells
 
 
+@dataclass(frozen=True)
+class Rim:
+    """Where views show the border of a `section`, `height` cells above the lattice; `told` is the share they show."""
+
+    section: Section
+    height: float
+    told: float
+
+
 def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> Section | None:
     """The section whose border is the rim that the views show, or None if theirs is another.
 
@@ -39,18 +48,31 @@ def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> 
         centers: (V, 3) of the cameras.
         tolerance: grey levels by which views of one place may differ.
     """
+    rim = rim_of(section, stack, centers, tolerance, _TOLD)
+    if rim is not None and rim.told < _TOLD:
+        return rim.section if rim.section.at_rim or sure_of(rim.section) else None
+    return None if rim is None else rim.section
+
+
+def rim_of(section: Section, stack: Stack, centers: Array, tolerance: float, least: float) -> Rim | None:
+    """The rim that the views show of a section, None if theirs is another; as it is where they show less than `least`.
+
+    Arguments are those of `at_rim`.
+    """
+    height, share = 0.0, 0.0
     for _ in range(2):  # the second time along the normals of what the first found
         places = section.border(_PLACES)
         outward = section.gradient(places)
         steps = _steps(stack, places, outward, _CONTRAST * tolerance)
-        moved, told = _common(steps, _leans(stack, centers, places, outward))
-        if told.mean() < _TOLD:
-            return section if section.at_rim or sure_of(section) else None
+        moved, told, height = _common(steps, _leans(stack, centers, places, outward))
+        share = float(told.mean())
+        if share < least:
+            break
         better = refitted((places + moved[:, None] * outward)[told], section)
         if better is None:
             return None
         section = replace(better, at_rim=True)
-    return section
+    return Rim(section, height, share)
 
 
 def _steps(stack: Stack, places: Array, outward: Array, contrast: float) -> Array:
@@ -85,15 +107,15 @@ def _leans(stack: Stack, centers: Array, places: Array, outward: Array) -> Array
     return np.asarray(-np.einsum("vpc,pc->vp", sight, outward @ basis) / (sight @ lattice.normal))
 
 
-def _common(steps: Array, leans: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """(P,) where steps (V, P) of all views would meet, (P,) whether enough views agree on it.
+def _common(steps: Array, leans: Array) -> tuple[Array, NDArray[np.bool_], float]:
+    """(P,) where steps (V, P) of all views would meet, (P,) whether enough views agree on it, and at which height.
 
     The plane may lie a little above or below the lattice: its height is the one at which they agree best.
     """
     shown = np.isfinite(steps)
     told = shown.sum(axis=0) >= _LEAST_VIEWS
     if not told.any():
-        return np.zeros(steps.shape[1]), told
+        return np.zeros(steps.shape[1]), told, 0.0
     steps = np.where(shown & told, steps, np.nan)
     height = 0.0
     for _ in range(_ROUNDS):
@@ -105,7 +127,7 @@ def _common(steps: Array, leans: Array) -> tuple[Array, NDArray[np.bool_]]:
         height += float(np.nansum(weight * lean * off) / max(float((weight * lean**2).sum()), 1e-12))
     level = steps - height * leans
     middle = _median(level, told)
-    return middle, told & (_median(np.abs(level - middle), told, np.inf) <= _SPREAD_CELLS)
+    return middle, told & (_median(np.abs(level - middle), told, np.inf) <= _SPREAD_CELLS), height
 
 
 def _median(values: Array, told: NDArray[np.bool_], otherwise: float = 0.0) -> Array:

@@ -3,7 +3,7 @@
 Pixels are as large as what tells a narrow wall's surfels apart, rays through the opening tell of the wall as a whole.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -180,6 +180,7 @@ class Walls:
     def __init__(self, prisms: Sequence[Prism], spacing: float, bends: Sequence[Bend] = ()) -> None:
         """Of concavities in a hull whose voxels have an edge `spacing`; those without a section have no walls."""
         self._prisms, self._spacing, self._holes, self._bends = prisms, spacing, _holes(prisms), bends
+        self._islands = [island for prism in prisms for island in prism.islands]
 
     def under(self, centers: NDArray[np.floating], normals: NDArray[np.floating]) -> OnWalls:
         """Find the walls that surfels lie on; where walls compete, the nearest.
@@ -214,6 +215,11 @@ class Walls:
             piece[floor] = k * _NUMBERS + PIECES
             foot[floor], wall[floor] = places[floor] - rise[floor, None] * lattice.normal, lattice.normal
             nearest[floor] = np.abs(rise[floor])
+        for k, island in enumerate(self._islands, len(prisms) + len(self._bends)):
+            for mine, number, off, out in _on_island(island, places, facing, nearest):
+                piece[mine] = (k * _NUMBERS + number)[mine]
+                foot[mine], wall[mine] = (places - off[:, None] * out)[mine], out[mine]
+                nearest[mine] = np.abs(off[mine])
         for k, bend in enumerate(self._bends, len(prisms)):
             off, out = bend.wall(places)
             alike = np.einsum("nc,nc->n", -out, facing) > _ALIKE
@@ -222,6 +228,31 @@ class Walls:
             foot[mine], wall[mine] = (places - off[:, None] * out)[mine], -out[mine]
             nearest[mine] = np.abs(off[mine])
         return OnWalls(piece, foot, wall)
+
+
+def _on_island(
+    island: Prism, places: Array, facing: Array, nearest: Array
+) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64], Array, Array]]:
+    """What lies on the walls of a boss, if it has a section, and on its top.
+
+    Args:
+        island: the boss.
+        places, facing: (N, 3) surfels and their normals.
+        nearest: (N,) distance to what they lie on otherwise; the top is asked with the walls' in it.
+
+    Yields:
+        (N,) which surfels, (N,) the piece's number, (N,) how far outside they lie, (N, 3) the outward normal.
+    """
+    lattice = island.lattice
+    cells, height = lattice.coordinates(places)
+    off = island.lateral(cells)
+    if island.section is not None:
+        out = island.section.gradient(cells)
+        out = out[:, :1] * lattice.first + out[:, 1:] * lattice.second
+        beside = (height < 0) & (height > -island.depth) & (np.abs(off) < nearest)
+        yield beside & (np.einsum("nc,nc->n", out, facing) > _ALIKE), island.section.pieces(cells), off, out
+    top = (off < 0) & (np.abs(height) < nearest) & (facing @ lattice.normal > _FLAT)
+    yield top, np.full(len(places), PIECES), height, np.broadcast_to(lattice.normal, places.shape)
 
 
 def _on_floor(

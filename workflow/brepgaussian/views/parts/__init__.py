@@ -132,6 +132,11 @@ PARTS: dict[str, PartInfo] = {
     "spoked_wheel": PartInfo("rounded", "a hub that stands out of a rim, seen between spokes", TUNED),
     "rounded_case": PartInfo("rounded", "all edges rounded, with balls in the corners", TUNED),
     "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", HOLDOUT),
+    "boss_tray": PartInfo("trays", "a pad and a post on a pocket's floor that end below its rim", TUNED),
+    "board_case": PartInfo("trays", "drilled bosses in a case, below its rim", TUNED),
+    "post_pan": PartInfo("trays", "posts in a round pan, around a bore", TUNED),
+    "sensor_dish": PartInfo("trays", "a square post in a round pocket, below its rim", HOLDOUT),
+    "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", HOLDOUT),
 }
 
 

@@ -1,0 +1,77 @@
+"""Bosses in pockets, below their rims: geometry against boxes, and parts of other sizes than any that was looked at."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.truth import read_truth
+from brepgaussian.artifacts.views import read_views
+from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave import Prism
+from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.sections import PIECES, Rounded, Section
+from brepgaussian.splatting.concave.walls import Walls
+from brepgaussian.splatting.hull import carve
+from brepgaussian.views.stage import make_views
+
+PITCH = 0.01
+
+
+def pocket(section=None):
+    """A pocket of 0.2 x 0.1 in the plane z = 0.5, 0.3 deep, with a boss of 0.06 x 0.06 whose top is 0.1 below."""
+    lattice = Lattice(np.array([0.3, 0.3, 0.5]), *np.eye(3), PITCH, (40, 30))
+    outline, boss = np.zeros((40, 30), bool), np.zeros((40, 30), bool)
+    outline[10:30, 10:20] = True
+    boss[17:23, 12:18] = True
+    whole = Prism(lattice, outline, 0.3, False, 0.0)
+    island = Prism(whole.lowered(0.1), boss, 0.2, False, 0.0, section=section)
+    return replace(whole, islands=(island,))
+
+
+def test_a_pocket_with_a_boss_is_the_pockets_box_without_the_bosss():
+    points = np.random.default_rng(5).uniform([0.25, 0.25, 0.1], [0.75, 0.65, 0.6], (2000, 3))
+    boxes = [([0.4, 0.4, 0.2], [0.6, 0.5, 0.52]), ([0.47, 0.42, -1], [0.53, 0.48, 0.4])]
+    inside = [((points > low) & (points < high)).all(axis=1) for low, high in boxes]
+    edges = np.concatenate([points - np.array(b) for box in boxes for b in box], axis=1)
+    clear = np.abs(edges).min(axis=1) > 0.012  # a cell: corners of an outline are round
+    found = pocket().signed_distance(points, 0.02) < 0
+    assert np.array_equal(found[clear], (inside[0] & ~inside[1])[clear])
+    assert (inside[0] & inside[1]).sum() > 10
+
+
+def test_surfels_lie_on_a_bosss_walls_and_on_its_top():
+    half = (3.0, 3.0)
+    section = Section((19.5, 14.5), 0.0, Rounded(half, 0.0))
+    walls = Walls([pocket(section)], PITCH)
+    places = np.array([[0.533, 0.45, 0.3], [0.467, 0.45, 0.3], [0.5, 0.45, 0.402], [0.5, 0.45, 0.3]])
+    facing = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 0, 1.0], [1.0, 0, 0]])
+    on = walls.under(places, facing)
+    assert on.piece[0] != on.piece[1]
+    assert min(on.piece[:2]) >= PIECES + 1  # the pocket's own are numbered below
+    assert on.piece[2] == 2 * PIECES + 1  # the boss's top: past its pocket's pieces and floor, and its own pieces
+    assert on.piece[3] == -1  # in the middle of the boss
+    assert np.allclose(on.foot[:3], [[0.53, 0.45, 0.3], [0.47, 0.45, 0.3], [0.5, 0.45, 0.4]])
+    assert np.allclose(on.normal[:3], facing[:3])
+
+
+@pytest.mark.parametrize(("part", "seed", "interreflection"), [("boss_tray", 5, 0.9), ("post_pan", 6, 0.0)])
+def test_bosses_below_a_rim_stand_where_they_are(tmp_path, part, seed, interreflection):
+    settings = ViewsSettings(rendered_views=40, image_size=400, interreflection=interreflection)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="tray", source="part", path=f"{part}:{seed}", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    hull, _ = carve(views, 128, concavities=True)
+    (found,) = [prism for prism in hull.prisms if prism.islands]
+    up = [f for f in np.unique(truth.point_face) if (truth.normals[truth.point_face == f] @ [0, 0, 1]).mean() > 0.99]
+    middles = [truth.points[truth.point_face == f].mean(axis=0) for f in up]
+    rim = max(middles, key=lambda m: m[2])[2]
+    floor = found.lattice.origin[2] - found.depth
+    tops = [m for m in middles if floor + 0.02 < m[2] < rim - 0.02]
+    assert len(found.islands) == len(tops)
+    for top in tops:
+        heights = [
+            abs(island.lattice.origin[2] - top[2])
+            for island in found.islands
+            if island.lateral(island.lattice.coordinates(top[None])[0])[0] < 0
+        ]
+        assert min(heights) < 0.005

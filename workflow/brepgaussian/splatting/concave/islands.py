@@ -1,0 +1,222 @@
+"""Bosses that stand on a pocket's floor and end below its rim.
+
+No silhouette shows them, and rays through the pocket's rim tell of its floor, so they are cut away with the pocket. On
+planes between floor and rim, views agree about a boss's top, at its own height only, and about nothing around it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.agreement import mean_cost, rays_at_object
+from brepgaussian.splatting.concave.draw import fitted
+from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.rims import Rim, rim_of
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.sections import Rounded, Section
+from brepgaussian.splatting.concave.volume import Volume
+
+Array = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+_HIDING_CELLS = 2  # half the width of what hides the floor, at least
+_AGREED = (0.9, SURFACE_SHARE, 0.7)  # share of a cell's views that agree on a top
+_LEAST_HEIGHT_CELLS = 4.0  # of a boss, and from its top to the rim: floors are told to a cell or two
+_STEP_CELLS = 1.0  # between the planes
+_BORDER_CELLS = 3  # along a pocket's walls views disagree about its floor
+_BESIDE_CELLS = 4  # around what hides the floor: a top is no wider than that
+_THIN_CELLS = 1  # half the width of what joins a top to a wall about which views agree as well
+_BROKEN_CELLS = 3  # half the width of a gap in a top around a hole, where few views see it
+_COMPACT_CELLS = 4  # half the width of a top, holes in it filled
+_GAP_CELLS, _RING_CELLS, _BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
+_RING_SHARE = 0.7  # of the ring is not what it seems to be
+_HIDDEN_SHARE = 0.7  # of a top hides the floor
+_LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
+_STRIDE_PX = 2  # between the rays that judge a boss
+_FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's height
+_TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
+_SIZES = 1.03  # ratio of sections that are meant to be one
+_OVERLAP = 0.2  # of a top, that may be another one's
+_GAIN = 0.7  # share of the views' disagreement that a boss leaves at most where it is
+_LEAST_OFF = 0.5  # tolerances by which views disagree about what would be seen if there were none
+_LEAST_RAYS = 20  # that tell something, for them to judge
+
+logger = get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class _Top:
+    """Cells (R, C) of a plane at a `depth` below the rim; `contrast` of agreement within their border and beyond."""
+
+    outline: Cells
+    depth: float
+    contrast: float
+
+
+def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> Prism:
+    """A pocket with the bosses that stand in it, if there are any.
+
+    Args:
+        images: of all views.
+        hull: before the pocket is cut.
+        prism: the pocket, straight, with a flat floor; anything else stays as it is.
+        margin: by which it is cut longer.
+    """
+    pitch = prism.lattice.pitch
+    flat = not (prism.through or prism.endless or prism.domed or prism.draft or any(prism.tilt))
+    if not flat or prism.depth < 2 * _LEAST_HEIGHT_CELLS * pitch:
+        return prism
+    cut = hull.without(prism, margin).scene()
+    hidden = _hidden(images, cut, prism)
+    if not hidden.any():
+        return prism
+    chosen: list[_Top] = []
+    for top in sorted(_tops(images, cut, prism, hidden), key=lambda top: -top.contrast):
+        taken = np.any([np.zeros_like(top.outline), *(other.outline for other in chosen)], axis=0)
+        if (top.outline & taken).sum() <= _OVERLAP * top.outline.sum():
+            chosen.append(top)
+    islands = [_island(prism, _levelled(images, cut, prism, top)) for top in chosen]
+    whole = replace(prism, islands=tuple(islands))
+    kept = _seen(images, hull.without(whole, margin).scene(), cut, islands) if islands else []
+    logger.info(
+        "pocket of area %.4f: %d bosses in it, of heights %s, %d others not believed",
+        prism.area, len(kept), [round(i.depth, 4) for i in kept], len(islands) - len(kept),
+    )  # fmt: skip
+    if not kept:
+        return prism
+    standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
+    return replace(prism, islands=tuple(_drawn(images, standing, kept)))
+
+
+def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
+    """(R, C) cells of a pocket's floor that views show something else at, or do not show: bosses may stand there."""
+    lattice = prism.lowered(prism.depth)
+    inner = ndimage.binary_erosion(prism.outline, iterations=_BORDER_CELLS)
+    hidden = inner & (across(images, cut, lattice, prism.outline).agreement < SURFACE_SHARE)
+    return np.asarray(ndimage.binary_opening(hidden, iterations=_HIDING_CELLS))
+
+
+def _tops(images: Images, cut: Scene, prism: Prism, hidden: Cells) -> Iterator[_Top]:
+    """What may be the top of a boss, on all planes between floor and rim."""
+    pitch = prism.lattice.pitch
+    near = prism.outline & ndimage.binary_dilation(hidden, iterations=_BESIDE_CELLS)
+    domain = prism.outline & ndimage.binary_dilation(near, iterations=_GAP_CELLS + _RING_CELLS)
+    lowest = prism.depth - _LEAST_HEIGHT_CELLS * pitch
+    for depth in np.arange(_LEAST_HEIGHT_CELLS * pitch, lowest, _STEP_CELLS * pitch):
+        agreement = across(images, cut, prism.lowered(float(depth)), domain).agreement
+        against = domain & (agreement < SURFACE_SHARE)
+        for outline in _compact(agreement, near):
+            blurred = ndimage.binary_dilation(outline, iterations=_GAP_CELLS)
+            ring = ndimage.binary_dilation(blurred, iterations=_RING_CELLS) & ~blurred
+            if against[ring].mean() >= _RING_SHARE and hidden[outline].mean() >= _HIDDEN_SHARE:
+                band = outline & ~ndimage.binary_erosion(outline, iterations=_BAND_CELLS)  # there may be a hole within
+                contrast = float(agreement[band].mean() - agreement[ring & domain].mean())
+                yield _Top(outline, float(depth), contrast)
+
+
+def _compact(agreement: Array, near: Cells) -> Iterator[Cells]:
+    """Compact regions (R, C) about which views agree (R, C), holes in them filled; several ways to tell them apart."""
+    for least in _AGREED:
+        agreed = ndimage.binary_opening((agreement >= least) & near, iterations=_THIN_CELLS)
+        for broken in (0, _BROKEN_CELLS):
+            whole = ndimage.binary_closing(agreed, iterations=broken) if broken else agreed
+            compact = ndimage.binary_opening(ndimage.binary_fill_holes(whole), iterations=_COMPACT_CELLS)
+            labels, count = ndimage.label(compact)
+            yield from (labels == k for k in range(1, count + 1))
+
+
+def _levelled(images: Images, cut: Scene, prism: Prism, top: _Top) -> _Top:
+    """The same top at the height, to a part of a cell, at which views agree about most of it."""
+    depths = top.depth + np.array(_FINE_CELLS) * prism.lattice.pitch
+    agreed = [across(images, cut, prism.lowered(float(d)), top.outline).agreement[top.outline].mean() for d in depths]
+    return replace(top, depth=float(depths[int(np.argmax(agreed))]))
+
+
+def _island(prism: Prism, top: _Top) -> Prism:
+    return Prism(prism.lowered(top.depth), top.outline, prism.depth - top.depth, False, 0.0)
+
+
+def _seen(images: Images, standing: Scene, cut: Scene, islands: Sequence[Prism]) -> list[Prism]:
+    """The bosses on which views agree about the rays that meet them, better than on what is behind."""
+    rays, kept = rays_at_object(images, _STRIDE_PX), []
+    for island in islands:
+        mine = rays.hitting(standing, lambda points, island=island: _on(island, points))  # type: ignore[misc]
+        there, behind = mine.costs(standing), mine.costs(cut)
+        new, old, told = mean_cost(there), mean_cost(behind), int(np.count_nonzero(there[1] & behind[1]))
+        believed = told >= _LEAST_RAYS and old >= _LEAST_OFF and new <= _GAIN * old
+        logger.info(
+            "boss of area %.4f, %.4f high: views disagree by %.2f for %.2f, %d rays%s",
+            island.area, island.depth, new, old, told, "" if believed else ": not believed",
+        )  # fmt: skip
+        if believed:
+            kept.append(island)
+    return kept
+
+
+def _on(island: Prism, points: Array) -> NDArray[np.bool_]:
+    """(N,) which points (N, 3) lie on a boss's top or walls."""
+    cells, height = island.lattice.coordinates(points)
+    near = 2 * island.lattice.pitch
+    return np.asarray((island.lateral(cells) < near) & (height < near) & (height > -island.depth + near))
+
+
+def _drawn(images: Images, standing: Scene, islands: Sequence[Prism]) -> list[Prism]:
+    """Bosses with the sections that their outlines are drawings of, and at the heights that their rims tell.
+
+    In a pocket few views show all of a rim. A section that a part of it tells is one that another boss has, too. Those
+    of nearly one height are of one.
+    """
+    rims = [_rim(images, standing, island) for island in islands]
+    told = [(rim, i) for rim, i in zip(rims, islands, strict=True) if rim is not None and rim.told >= _TOLD]
+    result = []
+    for island, rim in zip(islands, rims, strict=True):
+        pitch = island.lattice.pitch
+        sure = rim is not None and (rim.told >= _TOLD or any(_alike(rim.section, t.section) for t, _ in told))
+        section = rim.section if rim is not None and sure else None
+        own = island.depth + (rim.height * pitch if rim is not None and rim.told >= _TOLD else 0.0)
+        heights = [other.depth + t.height * pitch for t, other in told]
+        level = [h for h in heights if abs(h - own) <= _LEVEL_CELLS * pitch]
+        depth = float(np.median(level)) if level else own
+        logger.info("boss of area %.4f: %s, %.4f high", island.area, section and section.shape, depth)
+        result.append(replace(island, lattice=island.lowered(island.depth - depth), depth=depth, section=section))
+    return result
+
+
+def _rim(images: Images, standing: Scene, island: Prism) -> Rim | None:
+    """The rim of a boss's top that is told best."""
+    around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + _RING_CELLS)
+    stack = across(images, standing, island.lattice, around)
+    centers = images.views.cameras.centers
+    rims = [rim_of(rough, stack, centers, images.tolerance, _LEAST_TOLD) for rough in _rough(island)]
+    return max((r for r in rims if r is not None and r.section.at_rim), key=lambda r: r.told, default=None)
+
+
+def _alike(one: Section, other: Section) -> bool:
+    """Whether two sections are of one form and size."""
+    if type(one.shape) is not type(other.shape):
+        return False
+    ratio = one.shape.reach / other.shape.reach
+    return 1 / _SIZES <= ratio <= _SIZES
+
+
+def _rough(island: Prism) -> Iterator[Section]:
+    """What a boss's outline may be a drawing of: also a circle, though views see less on one side of it."""
+
+    def opened(cells: Cells) -> Cells:
+        return np.asarray(ndimage.binary_opening(cells, iterations=_COMPACT_CELLS))
+
+    section = fitted(island.outline, opened)
+    if section is not None:
+        yield section
+    middle = np.argwhere(island.outline).mean(axis=0)
+    radius = float(np.sqrt(island.outline.sum() / np.pi))
+    yield Section((float(middle[0]), float(middle[1])), 0.0, Rounded((radius, radius), radius), misfit=np.inf)
+    inside = ndimage.distance_transform_edt(np.pad(island.outline, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
+    radius = float(inside[row, column])
+    yield Section((float(row), float(column)), 0.0, Rounded((radius, radius), radius), misfit=np.inf)

@@ -1,0 +1,60 @@
+"""Bundled parts with bosses that stand in a pocket and end below its rim."""
+
+from build123d import Box, Cylinder, Part, Pos, RectangleRounded, Rot, extrude
+
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.sizes import Sizes
+
+
+def boss_tray(s: Sizes) -> Part:
+    """A tray with a pad and a post of other heights on its floor."""
+    length, width, high, floor, wall = s(90), s(60), s(24), s(6), s(6)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Box(length - 2 * wall, width - 2 * wall, BEYOND, align=BOTTOM)
+    body += Pos(-length / 5, 0, floor) * Box(s(16), s(22), s(9), align=BOTTOM)
+    return body + Pos(length / 5, s(6), floor) * Cylinder(s(8), s(12), align=BOTTOM)
+
+
+def board_case(s: Sizes) -> Part:
+    """A case with rounded corners and four drilled bosses for a circuit board."""
+    length, width, high, wall, corner = s(100, 0.1), s(70, 0.1), s(30), 4, s(8, 0.1)
+    boss, hole, tall = s(6, 0.1), s(2.8, 0.05), s(14)
+    body = extrude(RectangleRounded(length, width, corner), high)
+    body -= Pos(0, 0, wall) * extrude(RectangleRounded(length - 2 * wall, width - 2 * wall, corner - wall), BEYOND)
+    for x in (-1, 1):
+        for y in (-1, 1):
+            place = Pos(x * length * 0.33, y * width * 0.27, 0)
+            body += place * Pos(0, 0, wall) * Cylinder(boss, tall, align=BOTTOM)
+            body -= place * Cylinder(hole, BEYOND)
+    return body
+
+
+def post_pan(s: Sizes) -> Part:
+    """A round pan with a bore and three posts around it."""
+    radius, high, floor, wall = s(40, 0.1), s(22), s(6), s(6)
+    body = Cylinder(radius, high, align=BOTTOM) - Pos(0, 0, floor) * Cylinder(radius - wall, BEYOND, align=BOTTOM)
+    reach, post, tall = radius / 2, s(5.5, 0.1), s(8)
+    for k in range(3):
+        body += Rot(0, 0, 120 * k) * Pos(reach, 0, floor) * Cylinder(post, tall, align=BOTTOM)
+    return body - Cylinder(s(6, 0.1), BEYOND)
+
+
+def sensor_dish(s: Sizes) -> Part:
+    """A block with a round pocket, in which a square post stands below the rim, between two bores."""
+    side, high, floor, wide = s(60, 0.1), s(26), s(7), s(24, 0.08)
+    body = Box(side, side, high, align=BOTTOM) - Pos(0, 0, floor) * Cylinder(wide, BEYOND, align=BOTTOM)
+    body += Pos(0, 0, floor) * Rot(0, 0, 20) * Box(s(14), s(14), s(11), align=BOTTOM)
+    for x in (-1, 1):
+        body -= Pos(x * wide * 0.68, 0, 0) * Cylinder(s(3.5, 0.1), BEYOND)
+    return body
+
+
+def terminal_box(s: Sizes) -> Part:
+    """A box with round inner corners, two long pads across its floor, and a notch in one wall."""
+    length, width, high, floor, wall = s(80), s(56), s(28), s(6), s(6)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * extrude(RectangleRounded(length - 2 * wall, width - 2 * wall, s(7, 0.1)), BEYOND)
+    long, wide, tall = s(26), s(9), s(10)
+    for x in (-1, 1):
+        body += Pos(x * length / 6, 0, floor) * Box(wide, long, tall, align=BOTTOM)
+    return body - Pos(length / 2, 0, high - s(7)) * Box(3 * wall, s(16), BEYOND, align=BOTTOM)
