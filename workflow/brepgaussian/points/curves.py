@@ -218,7 +218,7 @@ def _trim(
     """End an open curve where a third patch crosses it; else at its last support."""
     one, other = surfaces[pair[0]], surfaces[pair[1]]
     for _ in range(2):  # one end, then the other
-        tail = _extend(path, one, other, _REACH * spacing, step)
+        tail = extended(path, one, other, _REACH * spacing, step)
         length = len(path)
         whole = np.concatenate([path, tail])
         window = max(0, length - 1 - int(2 * _REACH * spacing / step))
@@ -250,7 +250,8 @@ def _trim(
     return path
 
 
-def _extend(path: Array, one: Surface, other: Surface, reach: float, step: float) -> Array:
+def extended(path: Array, one: Surface, other: Surface, reach: float, step: float) -> Array:
+    """(S, 3) points by which a path (N, 3) on two surfaces goes on past its end, as far as `reach`."""
     tail: list[Array] = []
     here = path[-1]
     heading = path[-1] - path[-2] if len(path) > 1 else None

@@ -19,7 +19,9 @@ from brepgaussian.points.assign import Gathered, Labelled, gather, label_samples
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
 from brepgaussian.points.graph import Index
+from brepgaussian.points.models import shared_surfaces
 from brepgaussian.points.snap import believed, snap
+from brepgaussian.points.tips import without_tips
 from brepgaussian.settings.points import PointsSettings
 
 
@@ -63,7 +65,8 @@ def make_points(
     edges = read_masks(masks_path).edges if settings.snap_curves else None
     first = label_samples(gathered, settings)
     points = _bordered(gathered, first, views, edges, settings)
-    others = [_bordered(gathered, other, views, edges, settings) for other in _others(gathered, first, settings)]
+    quick = replace(settings, shared_models=False)  # others are not published, only tried
+    others = [_bordered(gathered, other, views, edges, quick) for other in _others(gathered, first, settings)]
     write_points(out_path, points, others)
     return points
 
@@ -97,7 +100,10 @@ def _bordered(
         samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
         xyz = follow(xyz, result.labels, surfaces, anchored)
         surfaces = anchored
+        if settings.shared_models:
+            surfaces = shared_surfaces(assemble(samples, label, [], surfaces), surfaces)
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
+        curves = without_tips(curves, xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
     return assemble(samples, label, curves, surfaces)
 

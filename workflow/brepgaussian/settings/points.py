@@ -54,4 +54,5 @@ class PointsSettings:
         0.005, "Spacing of the points appended along the curves between patches; 0 = none.", unit="unit frame",
         minimum=0.0,
     )  # fmt: skip
+    shared_models: bool = setting(True, "Walk the curves on surfaces that are fitted to all labels together.")
     snap_curves: bool = setting(True, "Move the curves onto the edges of the edge maps, where views agree.")
