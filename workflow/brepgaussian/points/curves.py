@@ -1,5 +1,6 @@
 """Edge instances: the curves in which the primitives of neighbouring patches meet, walked step by step."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +15,9 @@ SHARP = np.sin(np.radians(8.0))  # patches that meet at less are tangent: no edg
 _NEWTON_STEPS = 6
 _ON_CURVE = 1e-5  # unit frame; a point this near to both surfaces lies on their curve
 _BORDER = 2.2  # spacings from a point to the nearest one of the other patch
-_SUPPORT = 2.5  # spacings from a curve to the border points that support it
+_SUPPORT = 2.0  # spacings from a curve to the border points that support it
 _REACH = 3.5  # spacings beyond the last support where a third patch may end the curve
+_TOUCH = 0.1  # spacings from a third patch that a curve touches without crossing it
 _SHIFT = 2.0  # spacings from a border point to the curve that it stands for
 _LEAST_SHARP = 0.5  # share of a border that lies by the curve: where it is less, the patches are tangent
 _GAP = 8.0  # spacings without support that a curve may bridge
@@ -231,9 +233,7 @@ def _trim(
             if not near.any():
                 continue
             value = surfaces[k].signed_distance(whole[middle:])
-            crossing = np.flatnonzero((value[:-1] * value[1:] <= 0) & near[:-1])
-            for c in crossing:
-                t = value[c] / (value[c] - value[c + 1]) if value[c] != value[c + 1] else 0.0
+            for c, t in _meetings(value, near, _TOUCH * spacing):
                 off = abs(middle + c + t - (length - 1 - _SUPPORT * spacing / step / 2))
                 if off < best_off:
                     corner = whole[middle + c] * (1 - t) + whole[middle + c + 1] * t
@@ -248,6 +248,16 @@ def _trim(
         if len(path) < 2:
             break
     return path
+
+
+def _meetings(value: Array, near: NDArray[np.bool_], touch: float) -> Iterator[tuple[int, float]]:
+    """Steps of a path, and shares of them, at which it crosses a patch or touches it: (S,) distances from that."""
+    crossed = (value[:-1] * value[1:] <= 0) & near[:-1]
+    for c in np.flatnonzero(crossed):
+        yield int(c), float(value[c] / (value[c] - value[c + 1])) if value[c] != value[c + 1] else 0.0
+    off = np.abs(value)
+    least = (off[1:-1] <= off[:-2]) & (off[1:-1] < off[2:]) & (off[1:-1] < touch) & near[1:-1]
+    yield from ((int(c) + 1, 0.0) for c in np.flatnonzero(least) if not crossed[c : c + 2].any())
 
 
 def extended(path: Array, one: Surface, other: Surface, reach: float, step: float) -> Array:

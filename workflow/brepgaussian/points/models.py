@@ -26,8 +26,8 @@ def shared_surfaces(points: Points, surfaces: list[Surface]) -> list[Surface]:
     result = []
     for label, own in enumerate(surfaces):
         mine = np.flatnonzero(points.label == label)
-        on = [len(np.intersect1d(item.support, mine, assume_unique=True)) for item in fitted]
-        best = fitted[int(np.argmax(on))].surface if on and max(on) else own
+        on = np.array([len(np.intersect1d(item.support, mine, assume_unique=True)) for item in fitted])
+        best = fitted[int(on.argmax())].surface if on.any() else own
         xyz = points.xyz[mine].astype(float)
         explains = len(mine) > 0 and best.rms(xyz) <= max(_WORSE * own.rms(xyz), _NOISE)
         result.append(best if explains else own)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered, to_best_dome
 from brepgaussian.splatting.concave.openings import Stack
@@ -34,6 +35,8 @@ _LEANING = 0.9  # walls lean only if that leaves at most this share of the strai
 _CHAMFERED = 0.97  # the same for a hole's rim alone
 _DEEP = 7.0  # cells; as deep a concavity has to gain as a shallow one, twice as deep as any deep one
 _SHALLOW_GAIN = 0.4  # for what is shallow: a lid that is badly placed looks like it
+_CORE_CELLS = 2  # from an opening's border, clear of its blur
+_REFUTED = 0.5  # share of the views that see a cell there
 _MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
 # or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
@@ -68,7 +71,8 @@ def measure(
     opening.keep_clear(best.grow)
     disagreeing, error = opening.score(best)
     closed = opening.closed()
-    deep = 1.0 if best.through else float(np.clip((best.depth - opening.face) / _DEEP - 1, 0, 1))
+    sure = best.through or _refuted(stack, outline)
+    deep = 1.0 if sure else float(np.clip((best.depth - opening.face) / _DEEP - 1, 0, 1))
     most = _SHALLOW_GAIN + deep * ((_LITTLE_GAIN if error < _FEW_AGAINST else _GAIN) - _SHALLOW_GAIN)
     passes = not best.through or error <= _MOST_PAST
     if not passes or disagreeing > most * closed or (not deep and best.depth < opening.shallowest + 1):
@@ -94,6 +98,12 @@ def measure(
         best.domed,
     )
     return prism, gain
+
+
+def _refuted(stack: Stack, outline: NDArray[np.bool_]) -> bool:
+    """Whether most views show something else than the lid all over an opening: no lid that is badly placed does."""
+    core = ndimage.binary_erosion(outline, iterations=_CORE_CELLS)
+    return bool(core.any() and np.median(stack.against[core]) >= _REFUTED)
 
 
 def _again(opening: Opening, rim: Opening, best: Shape) -> Shape:
