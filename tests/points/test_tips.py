@@ -97,7 +97,7 @@ def test_without_labelled_points_surfaces_stay():
 
 def test_an_arc_in_a_corner_ends_where_the_walls_touch_it():
     """A pocket's floor and the round corner between two of its walls, both of which are tangent to it."""
-    rng, radius = np.random.default_rng(26), 0.3
+    rng, radius = np.random.default_rng(26), 0.06
     floor = np.column_stack([rng.uniform(0, 1, (8000, 2)), np.zeros(8000)])
     out = (floor[:, :2] < radius).all(axis=1) & (np.linalg.norm(floor[:, :2] - radius, axis=1) > radius)
     floor = floor[~out]
@@ -110,8 +110,8 @@ def test_an_arc_in_a_corner_ends_where_the_walls_touch_it():
     known = [
         surfaces.plane(np.zeros(3), np.array([0, 0, 1.0])),
         surfaces.cylinder(np.array([radius, radius, 0]), np.array([0, 0, 1.0]), radius, flipped=True),
-        surfaces.plane(np.zeros(3), np.array([1.0, 0, 0])),
-        surfaces.plane(np.zeros(3), np.array([0, 1.0, 0])),
+        surfaces.plane(np.array([-0.0004, 0, 0]), np.array([1.0, 0, 0])),  # as fits are: not quite tangent
+        surfaces.plane(np.array([0, -0.0004, 0]), np.array([0, 1.0, 0])),
     ]
     curves = find_curves(points, labels, known, spacing_of(points), 0.01)
     (arc,) = [c for c in curves if c.pair == (0, 1)]
