@@ -158,6 +158,22 @@ def test_what_is_hidden_belongs_to_a_face_only_if_it_touches_it():
     assert face.lattice.centers()[face.outline][:, 0].max() < 0.75
 
 
+@pytest.mark.parametrize(("size", "found"), [(1.0, True), (0.35, False)])
+def test_four_views_confirm_a_large_face(size, found):
+    """Of few views fewer see a face; a narrow strip of a curved one agrees as well in four."""
+    cameras = ring_of_cameras(4)
+    square = SQUARE.mean(axis=0) + size * (SQUARE - SQUARE.mean(axis=0))
+    masks = masks_of(cameras, square)
+    rng = np.random.default_rng(7)
+    points = np.column_stack([rng.uniform(square.min(axis=0)[:2], square.max(axis=0)[:2], (400, 2)), np.full(400, 0.5)])
+    candidate = Candidate(points, np.tile([0, 0, 1.0], (400, 1)), dict.fromkeys(range(4), 1))
+    images = Images(SimpleNamespace(cameras=cameras), np.full(masks.shape, 120, np.float32), 1.5)
+    stack = Stack(cameras, masks, candidate)
+    aligned = align(stack, candidate, nothing())
+    assert aligned is not None
+    assert (confirm(images, stack, candidate, aligned, nothing()) is not None) == found
+
+
 @pytest.fixture(scope="module")
 def bracket(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bracket")

@@ -23,6 +23,7 @@ _DOUBTFUL_DISAGREEMENT = 0.04
 _DOUBTFUL_EVEN_SHARE = 0.92
 _DOUBTFUL_AREA = 0.03
 _LEAST_AGREEING, _MINORITY = 5, 0.4  # views, and the share of all below which they are a minority
+_LEAST_SURE = 4  # views that do where they agree so well: of few views fewer see a face
 _MOST_CELLS = 160  # along the longer side of the outline's lattice
 _PITCH_PIXELS = 1.25
 _MARGIN_CELLS = 4
@@ -74,14 +75,16 @@ def confirm(
     few = len(aligned.views) < _MINORITY * len(stack.views)
     doubtful = aligned.disagreement > _MOST_DISAGREEMENT
     most = _MINORITY_DISAGREEMENT if few else _MOST_DISAGREEMENT if strict else _DOUBTFUL_DISAGREEMENT
-    if aligned.disagreement > most or len(aligned.views) < _LEAST_AGREEING:
+    sure = not few and aligned.disagreement <= _MINORITY_DISAGREEMENT
+    if aligned.disagreement > most or len(aligned.views) < (_LEAST_SURE if sure else _LEAST_AGREEING):
         return None
     lattice = _lattice(candidate, aligned, _PITCH_PIXELS * images.views.cameras.footprint())
     cells = lattice.centers().reshape(-1, 3)
     bare = stack.visible(cells, scene)[aligned.views]
     depth = stack.sample(cells, aligned.views, holes=True)
     outline = _outline(lattice, depth, bare)
-    if outline.sum() * lattice.pitch**2 < (_DOUBTFUL_AREA if doubtful else 0.0) or not outline.any():
+    large = doubtful or len(aligned.views) < _LEAST_AGREEING
+    if outline.sum() * lattice.pitch**2 < (_DOUBTFUL_AREA if large else 0.0) or not outline.any():
         return None
     values = depth if aligned.holes else stack.sample(cells, aligned.views, holes=False)
     if not _is_level(stack, aligned, cells, values, bare, lattice.pitch):
@@ -96,8 +99,8 @@ def confirm(
         hidden = _outline(lattice, depth, believed) & ~outline
         even, crowded = evenness(images, lattice, hidden, chosen, believed & (depth > _BLUR_PX))
         if even >= _EVEN_SHARE:
-            sure = outline & (bare.sum(axis=0) >= _LEAST_SEEN).reshape(outline.shape)
-            outline = ndimage.binary_propagation(sure, mask=outline | hidden & ~crowded)
+            shown = outline & (bare.sum(axis=0) >= _LEAST_SEEN).reshape(outline.shape)
+            outline = ndimage.binary_propagation(shown, mask=outline | hidden & ~crowded)
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
 
 
