@@ -9,6 +9,7 @@ from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
 from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import PIECES, Rounded, Section
 from brepgaussian.splatting.concave.walls import Walls
 from brepgaussian.splatting.hull import carve
@@ -75,3 +76,23 @@ def test_bosses_below_a_rim_stand_where_they_are(tmp_path, part, seed, interrefl
             if island.lateral(island.lattice.coordinates(top[None])[0])[0] < 0
         ]
         assert min(heights) < 0.005
+
+
+def test_long_narrow_holes_through_bosses_are_open_all_the_way(tmp_path):
+    """Rays tell no depth of them; silhouettes or the far mouth do."""
+    settings = ViewsSettings(rendered_views=40, image_size=500)
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    make_views(object_name="case", source="part", path="board_case:5", settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    hull, _ = carve(views, 128, concavities=True)
+    scene = Scene(hull.vertices, hull.triangles)
+    whole = [
+        f for f in np.unique(truth.point_face) if np.abs(truth.normals[truth.point_face == f].mean(axis=0)).max() < 0.2
+    ]
+    walls = [truth.points[truth.point_face == f] for f in whole]  # all around
+    holes = [w for w in walls if np.ptp(w[:, :2], axis=0).max() < 0.07]
+    assert len(holes) == 4
+    for wall in holes:
+        low, high = wall.min(axis=0), wall.max(axis=0)
+        axis = np.linspace([*(low + high)[:2] / 2, low[2]], [*(low + high)[:2] / 2, high[2]], 20)
+        assert (scene.signed_distance(axis) > 0).all()

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
+from brepgaussian.splatting.concave.ends import lengthened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import with_islands
 from brepgaussian.splatting.concave.join import joined, told_once
@@ -77,6 +78,11 @@ def open_concavities(
         for bend in found_bends:
             hull = cut(hull, bend)
         bends += found_bends
+        scene = hull.scene()
+        for k in fresh:  # with the pockets of this level cut
+            longer = lengthened(images, scene, known[k])
+            if longer is not known[k]:
+                known[k], hull = longer, hull.without(longer, margins[k])
         scene = hull.scene()
         floors = [known[k] for k in fresh]
         if not floors:
