@@ -73,7 +73,7 @@ def test_changing_a_library_module_reruns_its_stage_and_what_follows(project):
     text, before = module.read_text(), module.stat()
     module.write_text(text + "\n# changed\n")
     try:
-        assert project.jobs(ROW) == ["points", "primitives", "brep", "object_metrics"]  # curves are walked on primitives
+        assert project.jobs(ROW) == ["points", "primitives", "brep", "object_metrics"]  # which points uses
     finally:
         module.write_text(text)
         os.utime(module, ns=(before.st_atime_ns, before.st_mtime_ns))
@@ -84,7 +84,7 @@ def test_touching_a_library_module_reruns_its_stage_and_what_follows(project):
     before = module.stat()
     os.utime(module)
     try:
-        assert project.jobs(ROW) == ["points", "primitives", "brep", "object_metrics"]  # curves are walked on primitives
+        assert project.jobs(ROW) == ["points", "primitives", "brep", "object_metrics"]  # which points uses
     finally:
         os.utime(module, ns=(before.st_atime_ns, before.st_mtime_ns))
     assert project.jobs(ROW) == []
