@@ -28,9 +28,7 @@ _EXACT = 1.01  # the same where images have told them; the kernel makes a ball o
 _BETTER = 2.0  # times the least residual: among fillets of that much the larger faces are meant
 _SPARE = 0.9  # of a patch's points that lie on what is beside it
 _CHORD = 0.1  # radii from a fillet to points that cut across a part of it: of an eighth of a turn .08
-_FACING = np.cos(
-    np.radians(12.0)
-)  # between the normals of a fillet and of a point on it: a flat face has one, not all of them
+_FACING = np.cos(np.radians(12.0))  # between a fillet's normal and a point's: a flat face has one for all of them
 _MOSTLY = 0.5  # of a patch's points that lie on a fillet whose neighbours tell it
 _BALL = 2.5  # radii from a corner's ball to each of its fillets' points
 _FEW = 8  # points of a patch

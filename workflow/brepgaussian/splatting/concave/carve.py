@@ -79,11 +79,11 @@ def open_concavities(
             hull = cut(hull, bend)
         bends += found_bends
         scene = hull.scene()
-        for k in fresh:  # with the pockets of this level cut
-            longer = lengthened(images, scene, known[k])
-            if longer is not known[k]:
-                known[k], hull = longer, hull.without(longer, margins[k])
-        scene = hull.scene()
+        longer = {k: lengthened(images, scene, known[k]) for k in fresh}  # with the pockets of this level cut
+        longer = {k: prism for k, prism in longer.items() if prism is not known[k]}
+        for k, prism in longer.items():
+            known[k], hull = prism, hull.without(prism, margins[k])
+        scene = hull.scene() if longer else scene
         floors = [known[k] for k in fresh]
         if not floors:
             break

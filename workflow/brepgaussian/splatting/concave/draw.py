@@ -99,7 +99,8 @@ def border_of(outline: Cells) -> Array:
     return np.concatenate(places)
 
 
-def _circle(p: Sequence[float]) -> Section:
+def circle(p: Sequence[float]) -> Section:
+    """A circle about (p[0], p[1]) of radius p[2], in cells."""
     return Section((p[0], p[1]), 0.0, Rounded((p[2], p[2]), p[2]))
 
 
@@ -142,7 +143,7 @@ def _families(center: Array, half: Array, angle: float, outline: Cells) -> Itera
 
 def _rectangles(x: float, y: float, angle: float, a: float, b: float) -> Iterator[Family]:
     """Rectangles with round corners, from a circle on; `a` and `b` half their sides, the longer one first."""
-    yield _circle, [x, y, (a + b) / 2]
+    yield circle, [x, y, (a + b) / 2]
     yield _slot, [x, y, angle, a, b]
     yield _rectangle, [x, y, angle, a, b]
     yield _rounded, [x, y, angle, a, b, 0.5 * b]
@@ -159,7 +160,7 @@ def _near(section: Section) -> Iterator[Family]:
         yield _rounded, [x, y, turned, a, b, shape.radius]  # few places lie on small corners: from far they are missed
     elif isinstance(shape, Polygon):
         yield (_hexagon if shape.sides == 6 else _octagon), [x, y, angle, shape.inner]
-        yield _circle, [x, y, (shape.inner + shape.reach) / 2]  # cells hardly tell them apart
+        yield circle, [x, y, (shape.inner + shape.reach) / 2]  # cells hardly tell them apart
     elif isinstance(shape, Flatted):
         yield _flatted, [x, y, angle, shape.radius, shape.flat]
     elif isinstance(shape, Keyed):
@@ -179,7 +180,7 @@ def _notched(outline: Cells) -> Iterator[Family]:
         width = float(key.sum()) / max(end - radius - _NOTCH_CELLS, 1.0) / 2
         yield _keyed, [*middle, float(np.arctan2(way[1], way[0])), radius, width, end]
     border = border_of(outline)
-    around = _least_squares(border, _circle, [*middle, radius])
+    around = _least_squares(border, circle, [*middle, radius])
     if around is None or not isinstance(around.shape, Rounded):
         return
     grid = np.moveaxis(np.indices(outline.shape), 0, -1).astype(float)

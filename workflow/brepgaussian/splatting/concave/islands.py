@@ -13,12 +13,12 @@ from scipy import ndimage
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import mean_cost, rays_at_object
-from brepgaussian.splatting.concave.draw import fitted
+from brepgaussian.splatting.concave.draw import circle, fitted
 from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.rims import Rim, rim_of
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sections import Rounded, Section
+from brepgaussian.splatting.concave.sections import Section
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
@@ -214,9 +214,7 @@ def _rough(island: Prism) -> Iterator[Section]:
     if section is not None:
         yield section
     middle = np.argwhere(island.outline).mean(axis=0)
-    radius = float(np.sqrt(island.outline.sum() / np.pi))
-    yield Section((float(middle[0]), float(middle[1])), 0.0, Rounded((radius, radius), radius), misfit=np.inf)
+    yield circle([float(middle[0]), float(middle[1]), float(np.sqrt(island.outline.sum() / np.pi))])
     inside = ndimage.distance_transform_edt(np.pad(island.outline, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
-    radius = float(inside[row, column])
-    yield Section((float(row), float(column)), 0.0, Rounded((radius, radius), radius), misfit=np.inf)
+    yield circle([float(row), float(column), float(inside[row, column])])
