@@ -179,6 +179,20 @@ def test_a_fillet_that_was_taken_for_a_cone_is_told_by_the_others(kit, seed):
     assert len(found) == 26
 
 
+@pytest.mark.parametrize(("count", "seed"), [(26, 8), (10, 9)])
+def test_a_fillet_whose_middle_was_taken_for_a_plane_is_told_by_the_others(kit, count, seed):
+    """Its sides went to the faces beside it; the others are all edges of the box, or the three parallel ones alone."""
+    patches = rounded_box(kit, seed=seed)[:count]
+    fillet = patches[6]  # the edge along z at the least x and y
+    middle = -np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
+    kept = fillet.normals @ middle > np.cos(np.radians(18))
+    xyz, normals = fillet.xyz[kept], fillet.normals[kept]
+    flat = replace(fillet, surface=plane(xyz.mean(axis=0), middle), xyz=xyz, normals=normals)
+    _, blends = blended([flat if i == 6 else p for i, p in enumerate(patches)], 0.002)
+    assert [b.faces for b in blends if b.patch == 6] == [(0, 2)]
+    assert sum(len(b.faces) == 2 for b in blends) == (12 if count == 26 else 4)
+
+
 def test_a_sharp_edge_between_rounded_ones_stays_sharp(kit):
     """What lies beside it is a chamfer, not a part of a fillet."""
     patches = rounded_box(kit, seed=6)

@@ -129,33 +129,32 @@ def _is_face(blend: Blend, blends: Iterable[Blend]) -> bool:
 
 
 def _left_out(edges: Sequence[Blend], patches: Sequence[Patch], noise: float) -> Iterator[tuple[Blend, Surface]]:
-    """Patches on the fillet that an edge has if it is rounded as the others of a corner are, taken for something else.
+    """Patches on the fillet that an edge has if it is rounded as others of its two faces are, taken for something else.
 
-    A short fillet turns into its corners on both ends, and a cone or a sphere fits all of that better.
+    A short fillet turns into its corners on both ends, and a cone or a sphere fits all of that better; the middle of
+    one whose sides went to the faces beside it is a plane.
     """
     by_faces = {tuple(sorted(b.faces)): patches[b.patch].surface for b in edges}
     taken = {b.patch for b in edges} | {i for b in edges for i in b.faces}
     planes = sorted({i for pair in by_faces for i in pair if patches[i].surface.kind == "plane"})
-    for faces in combinations(planes, 3):
-        pairs = list(combinations(faces, 2))
-        known = [by_faces[pair] for pair in pairs if pair in by_faces]
-        if len(known) != 2 or size(known[0]) != size(known[1]) or known[0].flipped != known[1].flipped:
-            continue
-        (edge,) = (pair for pair in pairs if pair not in by_faces)
+    for edge in (pair for pair in combinations(planes, 2) if pair not in by_faces):
         first, second = (patches[i].surface for i in edge)
         if abs(float(first.axis @ second.axis)) >= _TURN:
             continue
-        surface = rolling(first, second, size(known[0]) * known[0].sign)
-        on = {
-            i: int(_on_fillet(surface, patches[i], noise).sum())
-            for i in range(len(patches))
-            if i not in taken and set(edge) & set(neighbours(i, patches))
-        }
-        best = max(on, key=lambda i: on[i], default=None)
-        if best is not None and on[best] > _MOSTLY * len(patches[best].xyz):
-            taken.add(best)
-            by_faces[edge] = surface
-            yield Blend(best, edge), surface
+        one, other = ({size(s) * s.sign for pair, s in by_faces.items() if i in pair} for i in edge)
+        for radius in sorted(one & other):
+            surface = rolling(first, second, radius)
+            on = {
+                i: int(_on_fillet(surface, patches[i], noise).sum())
+                for i in range(len(patches))
+                if i not in taken and set(edge) & set(neighbours(i, patches))
+            }
+            best = max(on, key=lambda i: on[i], default=None)
+            if best is not None and on[best] > _MOSTLY * len(patches[best].xyz):
+                taken.add(best)
+                by_faces[edge] = surface
+                yield Blend(best, edge), surface
+                break
 
 
 def _on_fillet(surface: Surface, patch: Patch, noise: float) -> NDArray[np.bool_]:
