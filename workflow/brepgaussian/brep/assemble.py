@@ -16,6 +16,7 @@ from brepgaussian.brep.exact import exact
 from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.labelling import Weights, label, one_body
+from brepgaussian.brep.offcuts import Offcut, offcuts
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polyhedron import polyhedral
 from brepgaussian.brep.refine.mesh import FaceMesh, from_solid
@@ -94,16 +95,19 @@ def assemble(job: Job, rung: Rung) -> tuple[Any, dict[str, Any]]:
     faces = [i for i in range(len(patches)) if i not in fillets]
     widest = max(size(patches[i].surface) for i in fillets)  # sharp edges lie that far beyond the faces' ends
     wider = replace(rung, margin=rung.margin + widest, extend=tuple(k for k, i in enumerate(faces) if i in rung.extend))
-    sharp, notes = _arranged(job, wider, [patches[i] for i in faces])
+    gone = offcuts(patches, job.blends, faces)
+    sharp, notes = _arranged(job, wider, [patches[i] for i in faces], gone)
     return rounded_off(sharp, patches, job.blends), notes
 
 
-def _arranged(job: Job, rung: Rung, patches: Sequence[Patch]) -> tuple[Any, dict[str, Any]]:
-    """The solid of some patches, each edge of which is where its faces meet."""
+def _arranged(
+    job: Job, rung: Rung, patches: Sequence[Patch], gone: Sequence[Offcut] = ()
+) -> tuple[Any, dict[str, Any]]:
+    """The solid of some patches, each edge of which is where its faces meet; `gone`: what its fillets will change."""
     settings = job.settings
     sheets = make_sheets(patches, rung)
     arrangement = arrange([build_face(s) for s in sheets], [s.patch for s in sheets], settings.fuzzy)
-    evidence = gather(arrangement, patches, job.silhouettes if rung.silhouettes else None)
+    evidence = gather(arrangement, patches, job.silhouettes if rung.silhouettes else None, gone)
     weights = Weights(
         unsupported=settings.unsupported_weight * rung.unsupported,
         smooth=settings.smooth_weight,

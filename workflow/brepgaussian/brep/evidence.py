@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.cells import OUTSIDE, Arrangement
+from brepgaussian.brep.offcuts import Offcut
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.silhouettes import Silhouettes
 
@@ -37,8 +38,10 @@ class Evidence:
     volume: Array
 
 
-def gather(arrangement: Arrangement, patches: Sequence[Patch], silhouettes: Silhouettes | None) -> Evidence:
-    """Collect all evidence."""
+def gather(
+    arrangement: Arrangement, patches: Sequence[Patch], silhouettes: Silhouettes | None, gone: Sequence[Offcut] = ()
+) -> Evidence:
+    """Collect all evidence; `gone` are the places that fillets, which are no patches, will take off or fill in."""
     count = len(arrangement.facets)
     covered, votes = np.zeros(count), np.zeros(count)
     sampled = np.bincount(arrangement.sample_facet, arrangement.sample_weight, count)
@@ -52,8 +55,11 @@ def gather(arrangement: Arrangement, patches: Sequence[Patch], silhouettes: Silh
         near = cKDTree(patch.xyz).query(arrangement.samples[chosen], distance_upper_bound=reach)[0] <= reach
         seen[chosen[near]] = True
         votes += _votes(arrangement, patch, chosen, near, count)
+        beside = _beside(arrangement.samples[chosen], index, gone) & ~near
+        seen[chosen[beside]] = True
+        votes += _assumed(arrangement, patch, chosen[beside], count)
     np.add.at(covered, arrangement.sample_facet[seen], arrangement.sample_weight[seen])
-    free, volume = cell_volumes(arrangement, silhouettes)
+    free, volume = cell_volumes(arrangement, silhouettes, gone)
     return Evidence(covered / np.maximum(sampled, 1e-300), votes, free, volume)
 
 
@@ -79,14 +85,36 @@ def _votes(arrangement: Arrangement, patch: Patch, chosen: Indices, near: NDArra
     return np.bincount(arrangement.sample_facet[at[sure]], np.sign(cosine[sure]) * share, count).astype(float)
 
 
-def cell_volumes(arrangement: Arrangement, silhouettes: Silhouettes | None) -> tuple[Array, Array]:
-    """(C,) volume seen through by a camera and (C,) whole volume of each cell, from columns along three axes."""
+def _beside(samples: Array, index: int, gone: Sequence[Offcut]) -> NDArray[np.bool_]:
+    """(N,) which samples (N, 3) of a patch's facets lie between a fillet beside it and the sharp edge."""
+    result = np.zeros(len(samples), bool)
+    for place in (g for g in gone if index in g.owners):
+        result |= place.holds(samples)
+    return result
+
+
+def _assumed(arrangement: Arrangement, patch: Patch, chosen: Indices, count: int) -> Array:
+    """(F,) signed votes of samples that lie on a patch's face, though no points do."""
+    normals = patch.surface.normals(arrangement.samples[chosen])
+    side = np.sign(np.einsum("ij,ij->i", arrangement.sample_normals[chosen], normals))
+    return np.bincount(arrangement.sample_facet[chosen], side * arrangement.sample_weight[chosen], count).astype(float)
+
+
+def cell_volumes(
+    arrangement: Arrangement, silhouettes: Silhouettes | None, gone: Sequence[Offcut] = ()
+) -> tuple[Array, Array]:
+    """(C,) volume seen through by a camera and (C,) whole volume of each cell, from columns along three axes.
+
+    Where fillets will take something off (`gone`), cells are not seen through; where they will fill it in, they are.
+    """
     free, volume = np.zeros(arrangement.cells), np.zeros(arrangement.cells)
     for axis in range(3):
         points, cell, weight = column_samples(arrangement, axis)
         volume += np.bincount(cell, weight, arrangement.cells) / 3
         if silhouettes is not None and len(points):
             empty = silhouettes.empty(points)
+            for place in gone:
+                empty[place.holds(points)] = not place.material
             free += np.bincount(cell, weight * empty, arrangement.cells) / 3
     return free, volume
 
