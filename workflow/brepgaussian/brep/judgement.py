@@ -4,15 +4,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from scipy.spatial import cKDTree
-
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.polish import Polished, badness, in_limits, wrong_masks
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE
 from brepgaussian.brep.refine.agreement import PLACE_AREA_PX2
+from brepgaussian.brep.shown import lost_edges, moved_edges
 from brepgaussian.brep.simplify import complexity
-from brepgaussian.brep.structure import SMOOTH
 from brepgaussian.settings.brep import BrepSettings
 
 Shape = tuple[int, int, int, float]
@@ -20,8 +17,6 @@ Shape = tuple[int, int, int, float]
 _SHAPE_DIGITS = 3  # of the volume of two solids that count as one shape
 # Standard deviations of a count: which border pixels are wrong is chance, in two triangulations of one solid too.
 _COUNT_SIGMAS = 2.0
-_SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
-_HALF = 0.5
 _WORTH = 0.5  # of the badness that is left by a change that makes a solid no simpler,
 _MORE_POINTS = 0.02  # or of all points that it explains besides,
 _MENDED = 0.9  # of all objections that are left by a change that adds none
@@ -35,13 +30,16 @@ def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
     one, other = new.report, old.report
     if one.get("silhouette_px") is None or one.get("mask_iou") is None:
         return "it cannot be judged"
-    lost = lost_edges(new.attempt, old)
+    lost = lost_edges(new.attempt.verdict.structure, old.shown)
     if lost:
         return f"{lost} edges that the images show are not edges of it"
     if other.get("silhouette_px") is None or (one["accepted"] and not other["accepted"]):
         return ""
     if other["accepted"] and not one["accepted"]:
         return "the images do not accept it"
+    moved = moved_edges(new.shown, old.shown, settings.accept_silhouette_px)
+    if moved:
+        return f"{moved} edges within its outline are farther off"
     less = one["mask_iou"] < other["mask_iou"] - _slack(other)  # what silhouettes show is not left out
     if other["accepted"]:
         less |= one["silhouette_px"] > other["silhouette_px"] + PX_NOISE
@@ -124,18 +122,6 @@ def explains_more(new: Attempt, old: Attempt) -> bool:
 def leaves_points(attempt: Attempt) -> bool:
     """Whether a solid leaves more points out than another explanation needs to be worth a try."""
     return attempt.verdict.on_solid < 1 - _MORE_POINTS
-
-
-def lost_edges(attempt: Attempt, old: Polished) -> int:
-    """Number of edges of a solid that the images show and another solid lacks."""
-    structure = attempt.verdict.structure
-    if structure is None or not structure.edges:
-        return len(old.shown)
-    sharp = [e.polyline for e in structure.edges if e.convexity != SMOOTH]
-    if not sharp:
-        return len(old.shown)
-    tree = cKDTree(np.concatenate(sharp))
-    return sum(float(np.mean(tree.query(line)[0] <= _SAME_EDGE)) < _HALF for line in old.shown)
 
 
 def shape_of(attempt: Attempt) -> Shape:

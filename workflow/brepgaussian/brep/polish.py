@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.shown import ShownEdge, shown_edges
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
@@ -24,7 +25,6 @@ _HALF = 0.5  # of a patch is explained, or it is left out
 _EXPLAINED = 0.5  # reaches from the surface: the median of a patch that is explained; beyond one reach it is not
 _ROUNDS = 3  # of refining and rebuilding
 _MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
-_SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
 _ROUNDING = 1e-9
 _IOU_SLACK = 1e-3  # what the kernel's solid may lose against the refined triangulation
 
@@ -36,13 +36,13 @@ class Polished:
     Attributes:
         attempt: the rebuilt solid, or the given one where that is better or cannot be rebuilt.
         report: `silhouette_px`, `mask_iou`, `accepted` of that solid, and how the refinement went.
-        shown: samples of every edge that the images show as a step of luminance, one array an edge.
+        shown: the edges within its outline about which the images say something.
         off: (P, 4) places that lie elsewhere, and by how many px they should lie deeper, where edges agree.
     """
 
     attempt: Attempt
     report: dict[str, Any]
-    shown: tuple[Array, ...] = ()
+    shown: tuple[ShownEdge, ...] = ()
     off: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
 
@@ -56,11 +56,12 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
 
     log, settings = get_logger("brep"), job.settings
     best: Polished | None = None
+    footprint = views.cameras.footprint()
     try:
         structure, mesh = _inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
-            return Polished(attempt, _figures(test) | {"refined": False}, _shown(structure, test), _off(test))
+            return _polished(attempt, {"refined": False}, structure, test, footprint)
         for _ in range(_ROUNDS):
             result = refine(structure, mesh, attempt.surfaces, views, settings)
             drawn = _drawn(job, structure, attempt, result)
@@ -69,9 +70,8 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
                 result = firm if firm.accepted or not result.accepted else result
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
-                table = {"edges": result.before.edges, "faces": result.before.faces}
-                figures = _figures(result.before) | {"refined": False, "refinement": details | table}
-                best = Polished(attempt, figures, _shown(structure, result.before), _off(result.before))
+                notes = {"refined": False, "refinement": details | _tables(result.before)}
+                best = _polished(attempt, notes, structure, result.before, footprint)
             if not result.report["kept"]:
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
@@ -81,9 +81,8 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
                 break
             same = _named(rebuilt[0]) == _named(attempt)
             attempt, test, structure, mesh = rebuilt
-            details |= {"edges": test.edges, "faces": test.faces}
-            figures = _figures(test) | {"refined": True, "refinement": details}
-            best = Polished(attempt, figures, _shown(structure, test), _off(test))
+            notes = {"refined": True, "refinement": details | _tables(test)}
+            best = _polished(attempt, notes, structure, test, footprint)
             if same:
                 break
             job = with_surfaces(job, rung, result.surfaces, {f.surface for f in result.structure.faces})
@@ -95,6 +94,17 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
     return best
 
 
+def _polished(attempt: Attempt, notes: dict[str, Any], structure: Structure, test: Any, footprint: float) -> Polished:
+    """A solid with the figures of its acceptance test, and notes on the refinement."""
+    places = np.zeros((0, 4)) if test.displaced is None else np.asarray(test.displaced.places)
+    return Polished(attempt, _figures(test) | notes, shown_edges(structure, test.edges, footprint), places)
+
+
+def _tables(test: Any) -> dict[str, Any]:
+    """The acceptance test's rows of edges and faces."""
+    return {"edges": test.edges, "faces": test.faces}
+
+
 def _drawn(job: Job, structure: Structure, attempt: Attempt, result: Any) -> frozenset[int]:
     """Surfaces that left the points that they explained: an edge that is not theirs, such as a rim's, drew them."""
     used = {f.surface for f in structure.faces}
@@ -102,22 +112,6 @@ def _drawn(job: Job, structure: Structure, attempt: Attempt, result: Any) -> fro
     off = {i: [np.median(np.abs(s.signed_distance(p.xyz))) / p.reach for s in (old, new)]
            for i, (p, old, new) in enumerate(moved) if i in used and not p.cap}  # fmt: skip
     return frozenset(i for i, (before, after) in off.items() if before < _EXPLAINED and after > 1)
-
-
-def _shown(structure: Structure, test: Any) -> tuple[Array, ...]:
-    """Edges beside which the images show a step of luminance, most samples where it is expected."""
-    found = []
-    for row in test.edges:
-        kind, index = str(row["name"]).rsplit(" ", 1)
-        px = row["interior_px"]
-        if kind == "edge" and px is not None and px < _SHOWN_PX:
-            found.append(structure.edges[int(index)].polyline)
-    return tuple(found)
-
-
-def _off(test: Any) -> Array:
-    """(P, 4) places that parallax places elsewhere, and depths."""
-    return np.zeros((0, 4)) if test.displaced is None else np.asarray(test.displaced.places)
 
 
 def badness(report: dict[str, Any], settings: BrepSettings) -> float:

@@ -1,0 +1,94 @@
+"""Edges of a solid that the images show within its outline, and what another solid makes of them. Imports no OCP."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brepgaussian.brep.structure import SMOOTH, Structure
+
+Array = NDArray[np.float64]
+
+_SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
+_SURE_PX = 0.1  # the same of an edge that is known to be where it is,
+_SEEN = 20  # if so many observations say so
+_SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
+_HALF = 0.5  # of an edge that another solid has, too;
+_MOSTLY = 0.75  # of one that is known to a pixel: half of a small arc lies that near to the corner that it rounds off
+_ELSEWHERE = 2.0  # times the distance from the images that an edge had before
+
+
+@dataclass(frozen=True)
+class ShownEdge:
+    """An edge beside which the images show a step of luminance.
+
+    Attributes:
+        line: (S, 3) samples, unit frame; px: median distance from that step; count: of its observations.
+        footprint: size of a pixel there, unit frame.
+    """
+
+    line: Array
+    px: float
+    count: int
+    footprint: float
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether most samples lie where the step is."""
+        return self.px < _SHOWN_PX
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the images know to a fraction of a pixel where it is."""
+        return self.px < _SURE_PX and self.count >= _SEEN
+
+    def is_on(self, edges: cKDTree) -> bool:
+        """Whether another solid, by samples of its sharp edges, has it."""
+        reach, share = (self.footprint, _MOSTLY) if self.is_sure else (_SAME_EDGE, _HALF)
+        return bool(np.mean(edges.query(self.line)[0] <= reach) >= share)
+
+
+def shown_edges(structure: Structure, rows: Iterable[Mapping[str, Any]], footprint: float) -> tuple[ShownEdge, ...]:
+    """The edges within a solid's outline about which the images say something.
+
+    Args:
+        structure: of the solid.
+        rows: the acceptance test's table of edges.
+        footprint: size of a pixel at the object, unit frame.
+    """
+    found = []
+    for row in rows:
+        kind, index = str(row["name"]).rsplit(" ", 1)
+        if kind == "edge" and row["interior_px"] is not None:
+            line = structure.edges[int(index)].polyline
+            found.append(ShownEdge(line, float(row["interior_px"]), int(row["interior"]), footprint))
+    return tuple(found)
+
+
+def lost_edges(structure: Structure | None, known: Sequence[ShownEdge]) -> int:
+    """Number of edges that the images show and a solid lacks."""
+    edges = [] if structure is None else structure.edges
+    sharp = [e.polyline for e in edges if e.convexity != SMOOTH]
+    shown = [edge for edge in known if edge.is_shown]
+    if not sharp:
+        return len(shown)
+    tree = cKDTree(np.concatenate(sharp))
+    return sum(not edge.is_on(tree) for edge in shown)
+
+
+def moved_edges(new: Sequence[ShownEdge], old: Sequence[ShownEdge], limit_px: float) -> int:
+    """Number of a solid's edges that the images place elsewhere, while those of the old one in the same place fit.
+
+    Args:
+        new, old: edges of both.
+        limit_px: what an edge may be off by.
+    """
+    count = 0
+    for edge in (e for e in new if e.count >= _SEEN):
+        beside = [o.px for o in old if np.mean(cKDTree(o.line).query(edge.line)[0] <= _SAME_EDGE) >= _HALF]
+        before = min(beside, default=np.inf)
+        count += edge.px > max(_ELSEWHERE * before, before + limit_px)
+    return count
