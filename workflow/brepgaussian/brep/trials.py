@@ -158,7 +158,10 @@ class Trials:
         return with_patches_on(self.job, self.best.attempt.surfaces)
 
     def _proposals(self) -> list[Change]:
-        return proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)
+        """Simpler solids; but what touches its neighbours has one free parameter, less than a plane."""
+        found = proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)
+        rolled = {b.patch for b in self.job.blends}
+        return [c for c in found if not (c.new and rolled & set(c.gone))]
 
     def _borders(self) -> list[Change]:
         """Faces that share a label with a piece of the fillet beside them."""
