@@ -51,6 +51,22 @@ def test_the_mesh_is_watertight():
     assert trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).is_watertight
 
 
+@pytest.mark.parametrize("outline", ["ellipse", "spline"])
+def test_extruded_curves_are_meshed(outline):
+    """The quick triangulation of the kernel leaves them out; volumes by hand, and by the kernel's own integrals."""
+    import trimesh
+    from build123d import Ellipse, Line, Spline, extrude, make_face
+
+    curve = Spline((0, 0), (0.3, 0.2), (0.7, 0.1), (1, 0.3))
+    closed = make_face([curve, Line((1, 0.3), (1, -0.4)), Line((1, -0.4), (0, 0))])
+    solid = extrude(Ellipse(0.5, 0.3) if outline == "ellipse" else closed, 0.4)
+    mesh = mesh_solid(solid.wrapped, 1e-4, 4)
+    assert set(mesh.triangle_face) == set(range(len(solid.faces())))
+    assert trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).is_watertight
+    expected = np.pi * 0.5 * 0.3 * 0.4 if outline == "ellipse" else solid.volume
+    assert mesh.volume() == pytest.approx(expected, rel=2e-3)
+
+
 def test_welding_keeps_positions():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [1e-9, 0, 0], [2, 0, 0]])
     kept, index = weld(points)

@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from brepgaussian.errors import InputError
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
@@ -89,6 +90,9 @@ def mesh_solid(solid: Any, deflection: float, angle_deg: float) -> FaceMesh:
         solid: in the unit frame.
         deflection: largest distance of a chord from the surface, unit frame.
         angle_deg: largest angle between neighbouring facets.
+
+    Raises:
+        InputError: the kernel cannot triangulate a face.
     """
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
@@ -102,10 +106,17 @@ def mesh_solid(solid: Any, deflection: float, angle_deg: float) -> FaceMesh:
         False,
         False,
     )
-    # The kernel's default (Watson) takes quadratic time: 9 s instead of .6 s for a fine sphere.
+    # The kernel's default (Watson) takes quadratic time: 9 s instead of .6 s for a fine sphere. But the other skips
+    # extruded curves, to which the default is then put: it keeps the faces that have a mesh.
     wanted.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
     BRepMesh_IncrementalMesh(solid, wanted)
     faces = faces_of(solid)
+    if not all(_is_meshed(face) for face in faces):
+        wanted.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Watson
+        BRepMesh_IncrementalMesh(solid, wanted)
+    missing = [i for i, face in enumerate(faces) if not _is_meshed(face)]
+    if missing:
+        raise InputError(f"has faces that the kernel cannot triangulate: {missing}", fix="heal them in your CAD")
     pieces = [_triangulation(face) for face in faces]
     offsets = np.cumsum([0, *(len(p[0]) for p in pieces)])
     vertices = np.concatenate([p[0] for p in pieces])
@@ -136,6 +147,13 @@ def weld(vertices: Array, tolerance: float = 1e-7) -> tuple[Array, NDArray[np.in
     _, label = connected_components(links, directed=False)
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     return vertices[first], inverse
+
+
+def _is_meshed(face: Any) -> bool:
+    from OCP.BRep import BRep_Tool
+    from OCP.TopLoc import TopLoc_Location
+
+    return BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None
 
 
 def _triangulation(face: Any) -> tuple[Array, NDArray[np.int64], Array]:
