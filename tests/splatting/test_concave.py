@@ -88,6 +88,22 @@ def test_a_region_that_bulges_takes_the_plane_of_its_face(turn, height, taken):
     assert taken or on is region
 
 
+@pytest.mark.parametrize(("turn", "taken"), [(0.002, True), (0.022, False)])
+def test_two_faces_on_one_plane_do_not_take_the_turned_plane_of_one_of_them(turn, taken):
+    """Feet on both sides of a gap; the plane passes through the middle of both, and through the first."""
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41), indexing="ij"))
+    vertices = np.column_stack([x, y, np.full(len(x), 0.3)])
+    corner = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    corner = corner[np.abs(x[corner] - 0.5) > 0.25]
+    triangles = np.concatenate([np.column_stack([corner, corner + a, corner + b]) for a, b in ((41, 42), (42, 1))])
+    (region,) = planar_regions(vertices, triangles, 0.01)
+    normal = np.array([np.sin(turn), 0, np.cos(turn)])
+    of_one = Plane(normal, float(np.array([0.55, 0.5, 0.3]) @ normal))
+    on = region.on([of_one], vertices, triangles, 0.01)
+    assert (on.normal is of_one.normal) == taken
+    assert taken or on is region
+
+
 def test_a_ring_shaped_opening_keeps_its_island():
     rows, columns = np.mgrid[:120, :110]
     radius = np.hypot(rows - 60, columns - 55)

@@ -20,6 +20,7 @@ _MINIMUM_AREA = 0.002  # smaller lids hide nothing that a few pixels could show
 _REFITS = 6
 _BELOW = 0.99  # weight of what lies below a plane: a hull touches a face along contours and bulges between them
 PARALLEL = 0.999  # cosine of 2.5 degrees: a region of which a part bulges is turned by less
+_ON_PLANE = 0.9  # of a region's triangles lie on a plane that is its own
 _MAXIMUM_TURN = 0.25  # rad: a strip of a cylinder turns more from one side to the other, a lid does not
 
 
@@ -51,11 +52,16 @@ class PlanarRegion(Plane):
         return float(np.sqrt(np.average(np.arccos(alike) ** 2, weights=twice)))
 
     def on(self, planes: Sequence[Plane], vertices: Array, triangles: NDArray[np.int64], near: float) -> "PlanarRegion":
-        """The same triangles on the plane that passes within `near` of their middle, if one of those given does."""
-        middle = vertices[triangles[self.triangles]].mean(axis=(0, 1))
+        """The same triangles on that of the given planes within `near` of which most of them lie, if there is one.
+
+        Of two faces on one plane views may have confirmed one alone, and slightly turned.
+        """
+        middles = vertices[triangles[self.triangles]].mean(axis=1)  # (M, 3)
         off = [
-            abs(float(p.normal @ middle) - p.offset) if p.normal @ self.normal > PARALLEL else np.inf for p in planes
-        ]
+            float(np.quantile(np.abs(middles @ p.normal - p.offset), _ON_PLANE)) if p.normal @ self.normal > PARALLEL
+            else np.inf
+            for p in planes
+        ]  # fmt: skip
         if not off or min(off) > near:
             return self
         best = planes[int(np.argmin(off))]
