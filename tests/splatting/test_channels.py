@@ -188,6 +188,15 @@ def test_a_crooked_far_mouth_is_the_same_hole(lean, kept):
     assert len(told_once([crooked], [straight], 0.02)) == kept - 1  # what is known stays
 
 
+@pytest.mark.parametrize(("error", "kept"), [(0.2, 1), (0.01, 2)], ids=["told worse", "told better"])
+def test_a_lid_that_leans_within_a_pocket_is_gone_with_it(error, kept):
+    pocket = hole(UP, [0.5, 0.5, 0.8], 0.15, radius=0.09, error=0.05, through=False)
+    lid = hole([0, -0.6, 0.8], [0.5, 0.5, 0.74], 0.05, radius=0.04, error=error, through=False)
+    below = hole(UP, [0.5, 0.5, 0.65], 0.1, radius=0.04, error=error, through=False)  # its lid is the pocket's floor
+    assert len(told_once([pocket, lid], [], 0.02)) == kept
+    assert len(told_once([pocket, below], [], 0.02)) == 2
+
+
 def lidded(prism):
     return prism, prism.lattice.centers()[prism.outline]
 
@@ -255,6 +264,20 @@ def test_a_hole_goes_on_through_a_wall_that_silhouettes_pierce_where_no_ray_tell
     if not goes_on:
         assert kept.depth == pytest.approx(0.2, abs=0.02)
     assert shorten.shortened(None, hull, replace(through, through=False), 0.0).depth == through.depth
+
+
+@pytest.mark.parametrize("bridge", [0.03, 0.0], ids=["in part", "all"])
+def test_a_hole_that_silhouettes_have_opened_ends_before_the_wall_behind(monkeypatch, bridge):
+    """A window in a case: seen through from above, so that there is nothing left of the first wall, or a strip."""
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    outer = np.minimum.reduce([0.3 - np.abs(x - 0.5), 0.3 - np.abs(y - 0.5), 0.1 - np.abs(np.abs(z - 0.5) - 0.2)])
+    window = np.maximum.reduce([np.hypot(x - 0.5, y - 0.5) - 0.06, 0.5 - z, bridge - np.abs(x - 0.5)])
+    hull = Volume(np.minimum(outer, window).astype(np.float32), np.zeros(3), SPACING)
+    said = []
+    monkeypatch.setattr(shorten, "disagreements", lambda *_: said.append(1) or (0.1, 1.7, 500))
+    kept = shorten.shortened(None, hull, hole(UP, [0.5, 0.5, 0.8], 0.6), 2 * SPACING)
+    assert said
+    assert 0.19 < kept.depth < 0.38 if bridge else 0 < kept.depth < 0.38
 
 
 @pytest.mark.parametrize(

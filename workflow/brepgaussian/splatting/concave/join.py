@@ -22,6 +22,7 @@ _SAME_AREA = 1.5  # ratio of two outlines of one hole
 _LEANING = 0.9  # cosine of 26 degrees
 _BEYOND = 3.0  # unit frame: clear of the object
 _FAR_SIDE = 0.25  # quantile of what rays hit from there: those through an open middle hit the near side
+_MOSTLY_GONE = 0.5  # of an opening: its border is the pocket's walls and floor
 _SAME_MOUTH = 0.8  # of a mouth lies in the other hole
 
 
@@ -117,18 +118,28 @@ def _has_no_floor(prism: Prism) -> bool:
 
 
 def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) -> list[Prism]:
-    """Those found that are no worse told end of a hole through that is known or found: a crooked hull shows them askew.
+    """Those found that others, which are known or no worse told, don't explain.
+
+    A crooked hull shows the far end of a hole through askew, and spans the walls of a pocket with a lid that leans.
 
     Args:
         found, known: concavities of one hull.
-        tolerance: how far beyond its end a hole may meet another one's mouth.
+        tolerance: how far beyond its end a hole may meet another one's mouth; lids lie half as far within pockets.
     """
     kept: list[int] = []
     for k in sorted(range(len(found)), key=lambda k: found[k].error):
         others = [*known, *(found[other] for other in kept)]
-        if not any(_is_mouth_of(found[k], other, tolerance) for other in others):
+        if not any(_is_mouth_of(found[k], o, tolerance) or _is_within(found[k], o, tolerance / 2) for o in others):
             kept.append(k)
     return [found[k] for k in sorted(kept)]
+
+
+def _is_within(lid: Prism, pocket: Prism, tolerance: float) -> bool:
+    """Whether most of a concavity's opening is gone once another one around it is opened, which has a floor."""
+    if pocket.through:
+        return False
+    inside = pocket.signed_distance(lid.lattice.centers()[lid.outline], 0.0) < -tolerance
+    return bool(inside.mean() > _MOSTLY_GONE)
 
 
 def _is_mouth_of(mouth: Prism, hole: Prism, tolerance: float) -> bool:

@@ -54,12 +54,19 @@ def _first_end(hull: Volume, prism: Prism) -> tuple[float | None, bool]:
     cells = lattice.centers()[prism.outline]
     ray = -lattice.normal + prism.tilt[0] * lattice.first + prism.tilt[1] * lattice.second
     crossings, inside = crossings_of(hull.scene(), cells, np.broadcast_to(ray, cells.shape), lattice.pitch)
-    if crossings.shape[1] < 3:
-        return None, False
+    # where silhouettes have opened the first wall, rays are out of it from the start
+    none = np.full((len(cells), 3), np.inf)
+    crossings = np.where(
+        inside[:, None],
+        np.hstack([crossings, none])[:, :3],
+        np.hstack([np.zeros((len(cells), 1)), crossings, none])[:, :3],
+    )
     out, again, back = (crossings[:, k] * lattice.pitch for k in range(3))
     with np.errstate(invalid="ignore"):
-        behind = inside & np.isfinite(back) & (again - out > room) & (np.minimum(back, prism.depth) - again > room)
+        behind = np.isfinite(back) & (again - out > room) & (np.minimum(back, prism.depth) - again > room)
     if behind.mean() < _LEAST_BEHIND:
         return None, False
-    pierced = np.isinf(np.where(inside, again, crossings[:, 0])).mean() >= _LEAST_BEHIND
-    return float(np.quantile(out[behind], _THROUGH)) + lattice.pitch, bool(pierced)
+    pierced = np.isinf(again).mean() >= _LEAST_BEHIND
+    ends = out[behind & inside]
+    end = float(np.quantile(ends, _THROUGH)) if len(ends) else float(again[behind].min()) / 2
+    return end + lattice.pitch, bool(pierced)
