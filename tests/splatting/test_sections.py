@@ -316,6 +316,18 @@ def test_a_rim_of_another_shape_is_no_section():
     assert at_rim(Section(CENTER, 0.0, Polygon(8, 16.5)), stack, centers, 1.5) is None
 
 
+def test_a_slot_of_cells_that_looks_keyed_is_a_slot_if_the_rim_says_so():
+    """A keyway as wide as its bore: a slot with one square end, to the cells."""
+    slot = Section(CENTER, 0.4, Rounded((30.5, 7.2), 7.2))
+    way = np.array([np.cos(0.4), np.sin(0.4)])
+    drawn = Section(tuple(CENTER - 23.3 * way), 0.4, Keyed(7.2, 7.1, 53.2), misfit=0.16)
+    stack, centers = rim_seen(slot, 0.0)
+    found = at_rim(drawn, stack, centers, 1.5)
+    assert found is not None
+    assert isinstance(found.shape, Rounded)
+    assert np.abs(found.signed_distance(slot.border(200))).max() < 0.25
+
+
 def test_a_small_octagon_of_cells_is_a_bore_if_the_rim_says_so_and_else_nothing():
     bore = Section(CENTER, 0.0, Rounded((7.2, 7.2), 7.2))
     drawn = Section(CENTER, 0.2, Polygon(8, 7.0), misfit=0.1)

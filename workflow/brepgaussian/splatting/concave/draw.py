@@ -29,6 +29,7 @@ _MOST_MOVED = 3.0  # cells from where the outline was
 _LEAST_RADIUS = 3.0  # cells; narrower openings have no section that cells could tell
 _NOTCH_CELLS = 2.0  # beyond a circle, or within: a keyway, or a flat
 _LEAST_NOTCH = 12  # cells of one
+_WIDE_KEYWAY = 0.8  # of the bore: one as wide makes a slot of it
 _SURE_CELLS = 0.2  # misfit of a section that only cells tell: .05-.12 where it was right, .3 of an octagon for a bore
 _TURN = 0.02  # radians of a section's angle that move its border as much as a cell of its other parameters
 
@@ -165,6 +166,9 @@ def _near(section: Section) -> Iterator[Family]:
         yield _flatted, [x, y, angle, shape.radius, shape.flat]
     elif isinstance(shape, Keyed):
         yield _keyed, [x, y, angle, shape.radius, shape.width, shape.end]
+        if shape.width > _WIDE_KEYWAY * shape.radius:  # cells hardly tell it from a slot
+            middle, length = (shape.end - shape.radius) / 2, (shape.end + shape.radius) / 2
+            yield from _rectangles(x + middle * np.cos(angle), y + middle * np.sin(angle), angle, length, shape.radius)
 
 
 def _notched(outline: Cells) -> Iterator[Family]:
