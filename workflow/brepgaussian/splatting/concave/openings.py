@@ -124,24 +124,26 @@ def _stack(
     images: Images, scene: Scene, lattice: Lattice, domain: NDArray[np.bool_], relief: Array, normals: Array
 ) -> Stack:
     cells = (lattice.centers() - relief[..., None] * lattice.normal).reshape(-1, 3)
-    grey, shown = _look(images, scene, cells, normals, lattice.pitch, domain.ravel())
-    shape = (len(grey), *lattice.shape)
-    return Stack(lattice, domain, shown.reshape(shape), grey.reshape(shape), relief)
+    within = domain.ravel()
+    shape = (len(images.views.cameras), *lattice.shape)
+    grey, shown = np.full(shape, np.nan, np.float32), np.full(shape, UNSEEN, np.uint8)
+    grey[:, domain], shown[:, domain] = _look(images, scene, cells[within], normals[within], lattice.pitch)
+    return Stack(lattice, domain, shown, grey, relief)
 
 
 def refuted_share(images: Images, scene: Scene, places: Array, normals: Array, pitch: float) -> Array:
     """(N,) share of the views of places (N, 3) on a hull that don't show what the others show there."""
-    return _against(_look(images, scene, places, normals, pitch, np.ones(len(places), bool))[1])
+    return _against(_look(images, scene, places, normals, pitch)[1])
 
 
 def _look(
-    images: Images, scene: Scene, cells: Array, normals: Array, pitch: float, domain: NDArray[np.bool_]
+    images: Images, scene: Scene, cells: Array, normals: Array, pitch: float
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Grey levels (V, N) of cells (N, 3), and what they show (V, N); see `Stack`."""
     cameras = images.views.cameras
     grey = np.full((len(cameras), len(cells)), np.nan, np.float32)  # -1 = background
     for view, center in enumerate(cameras.centers):
-        seen = np.flatnonzero(_visible(scene, cells, normals, center, pitch, domain))
+        seen = _visible(scene, cells, normals, center, pitch)
         if len(seen):
             grey[view, seen] = _sample(images, view, cells[seen])
     shown = np.where(np.abs(grey - _consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
@@ -254,17 +256,13 @@ def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
     return bool(frame.any()) and float(same.mean()) >= _FRAME_SHARE
 
 
-def _visible(
-    scene: Scene, cells: Array, normals: Array, center: Array, pitch: float, domain: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """(N,) whether the camera sees the cells from above, past the rest of the hull."""
+def _visible(scene: Scene, cells: Array, normals: Array, center: Array, pitch: float) -> NDArray[np.int64]:
+    """(M,) which of the cells (N, 3) the camera sees from above, past the rest of the hull."""
     to_camera = center - cells
-    length = np.linalg.norm(to_camera, axis=1)
-    visible = domain & (np.einsum("nc,nc->n", to_camera, normals) > _LEAST_COSINE * length)
-    index = np.flatnonzero(visible)
+    length = np.sqrt(np.einsum("nc,nc->n", to_camera, to_camera))
+    index = np.flatnonzero(np.einsum("nc,nc->n", to_camera, normals) > _LEAST_COSINE * length)
     start = cells[index] + 3 * pitch * normals[index]  # off the hull's own roughness
-    visible[index] = ~scene.occluded(start, to_camera[index] / length[index, None])
-    return visible
+    return index[~scene.occluded(start, to_camera[index] / length[index, None])]
 
 
 def _sample(images: Images, view: int, points: Array) -> NDArray[np.float32]:
