@@ -15,7 +15,7 @@ from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import flatten
-from brepgaussian.splatting.faces.align import Stack, align
+from brepgaussian.splatting.faces.align import Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import Candidate
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
 from brepgaussian.splatting.hull import carve
@@ -76,6 +76,49 @@ def test_the_plane_of_a_region_is_found_under_a_bulge(seed):
     through = np.array([0.5, 0.5, height])
     assert abs((aligned.through - through) @ normal) < 0.001  # a third of a pixel's footprint
     assert aligned.disagreement < 0.01
+
+
+def turn_of(aligned):
+    return np.degrees(np.arccos(min(aligned.normal[2], 1)))
+
+
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_a_face_whose_masks_are_spoilt_is_parallel_to_others_if_views_agree_about_as_well(seed):
+    """Along one side masks lose a strip of the face, more the flatter they see it: as if that side were lower."""
+    rng = np.random.default_rng(seed)
+    cameras, masks = ring_of_cameras(), []
+    square = np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5], [0.7, 0.7, 0.5], [0.3, 0.7, 0.5]])
+    for view, center in enumerate(cameras.centers):
+        way = (center - 0.5)[0] / (center - 0.5)[2]
+        lost = square.copy()
+        lost[1:3, 0] += 0.02 * way + 0.003 * rng.normal()
+        masks.append(masks_of(cameras, lost)[view])
+    candidate = candidate_on(flat, cameras, 0.0, seed)
+    stack = Stack(cameras, np.array(masks), candidate)
+    aligned = align(stack, candidate, nothing())
+    assert aligned is not None
+    assert 0.5 < turn_of(aligned) < 5
+    others = [np.array([0, 0, -1.0]), np.array([0, 1.0, 0]), np.array([0, 0, 1.0])]
+    settled = parallel(stack, candidate, nothing(), aligned, others)
+    assert turn_of(settled) < 1e-6
+    assert parallel(stack, candidate, nothing(), aligned, others[:2]) is aligned
+
+
+@pytest.mark.parametrize("degrees", [1.0, 2.0, 4.0])
+def test_a_face_with_a_draft_keeps_it(degrees):
+    cameras, slope = ring_of_cameras(), np.tan(np.radians(degrees))
+
+    def plane_at(xy):
+        return 0.5 + slope * (xy[:, 0] - 0.5)
+
+    square = np.array([[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]])
+    masks = masks_of(cameras, np.column_stack([square, plane_at(square)]))
+    candidate = candidate_on(plane_at, cameras, 0.02, 41)
+    stack = Stack(cameras, masks, candidate)
+    aligned = align(stack, candidate, nothing())
+    assert aligned is not None
+    settled = parallel(stack, candidate, nothing(), aligned, [np.array([0, 0, 1.0])])
+    assert turn_of(settled) == pytest.approx(degrees, abs=0.1)
 
 
 def test_one_region_over_a_step_is_no_plane():

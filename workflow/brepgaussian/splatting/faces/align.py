@@ -5,8 +5,8 @@ too high, too low or tilted they are shifted by parallax. So the plane is where 
 needs no texture and no silhouette, only that the regions end at the face's border.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -37,6 +37,9 @@ _ROUNDS = 10  # of Gauss-Newton
 _STEP = 2e-4  # unit frame; of numeric derivatives, a tenth of a pixel
 _MOST_STEP = 0.02  # unit frame
 _CONVERGED = 1e-5  # unit frame
+_NEARLY = np.cos(np.radians(5.0))  # of two planes that may be parallel: 4 measured of one whose border is hidden
+_ALIGNED = np.cos(np.radians(0.1))  # of two that are
+_AS_WELL = 1.5  # times the disagreement on the best plane: 1.0 to 1.35 measured where they were parallel
 
 
 class Stack:
@@ -120,53 +123,95 @@ def align(stack: Stack, candidate: Candidate, scene: Scene) -> Aligned | None:
     return min(found, key=lambda a: a.disagreement, default=None)
 
 
+class _Sheet:
+    """Cells over a candidate and around it, on planes that are given by a height and two slopes."""
+
+    def __init__(self, stack: Stack, candidate: Candidate) -> None:
+        flat = np.column_stack([candidate.points @ stack.first, candidate.points @ stack.second])
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        self.stack, self.size, self.middle = stack, float((high - low).max()), (low + high) / 2
+        low, high = low - _MARGIN * self.size, high + _MARGIN * self.size
+        pitch = float((high - low).max()) / _CELLS
+        u, v = (np.arange(low[k], high[k], pitch) for k in (0, 1))
+        grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
+        self.level = float(stack.origin @ stack.normal)
+        self.base = grid[:, :1] * stack.first + grid[:, 1:] * stack.second + self.level * stack.normal
+        self.local = (grid - self.middle) / self.size
+        self.covered = len(np.unique(np.floor((flat - low) / pitch).astype(int), axis=0))  # cells with samples
+
+    def points(self, parameters: Array) -> Array:
+        """(N, 3) the cells."""
+        height = parameters[0] + self.local @ parameters[1:]
+        return np.asarray(self.base + height[:, None] * self.stack.normal)
+
+    def plane(self, parameters: Array) -> tuple[Array, Array]:
+        """Unit normal (3,), and the point (3,) in the middle of the face."""
+        stack = self.stack
+        normal = stack.normal - (parameters[1] * stack.first + parameters[2] * stack.second) / self.size
+        height = self.level + parameters[0]
+        through = self.middle[0] * stack.first + self.middle[1] * stack.second + height * stack.normal
+        return normal / np.linalg.norm(normal), through
+
+    def parameters(self, normal: Array, through: Array) -> Array:
+        """(3,) of a plane, the inverse of `plane`."""
+        slopes = [-self.size * float(normal @ axis) / float(normal @ self.stack.normal) for axis in self._axes]
+        return np.array([float(through @ self.stack.normal) - self.level, *slopes])
+
+    @property
+    def _axes(self) -> tuple[Array, Array]:
+        return self.stack.first, self.stack.second
+
+
 def _align(stack: Stack, candidate: Candidate, scene: Scene, holes: bool) -> Aligned | None:
     """The plane on which the regions agree best, with their holes or without."""
     if len(stack.views) < _LEAST_VIEWS:
         return None
-    flat = np.column_stack([candidate.points @ stack.first, candidate.points @ stack.second])
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    size = float((high - low).max())
-    middle = (low + high) / 2
-    low, high = low - _MARGIN * size, high + _MARGIN * size
-    pitch = float((high - low).max()) / _CELLS
-    u, v = (np.arange(low[k], high[k], pitch) for k in (0, 1))
-    grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
-    base = grid[:, :1] * stack.first + grid[:, 1:] * stack.second + (stack.origin @ stack.normal) * stack.normal
-    local = (grid - middle) / size
-    covered = len(np.unique(np.floor((flat - low) / pitch).astype(int), axis=0))  # cells with samples
-
-    def points(parameters: Array) -> Array:
-        height = parameters[0] + local @ parameters[1:]
-        return np.asarray(base + height[:, None] * stack.normal)
-
-    agree = np.arange(len(stack.views))
+    sheet, agree = _Sheet(stack, candidate), np.arange(len(stack.views))
     sweep = [np.array([h, 0.0, 0.0]) for h in _SWEEP]
-    seen = stack.visible(points(sweep[0]), None)
-    best = min(sweep, key=lambda p: _residuals(stack.sample(points(p), agree, holes), seen, _WIDTHS_PX[0])[1])
-    value = np.inf
+    seen = stack.visible(sheet.points(sweep[0]), None)
+    best = min(sweep, key=lambda p: _residuals(stack.sample(sheet.points(p), agree, holes), seen, _WIDTHS_PX[0])[1])
     for width in (_WIDTHS_PX[0], *_WIDTHS_PX):
-        seen = stack.visible(points(best), scene)[agree]
+        seen = stack.visible(sheet.points(best), scene)[agree]
 
         def residuals(parameters: Array, width: float = width, seen: NDArray[np.bool_] = seen) -> tuple[Array, float]:
-            return _residuals(stack.sample(points(parameters), agree, holes), seen, width)  # noqa: B023
+            return _residuals(stack.sample(sheet.points(parameters), agree, holes), seen, width)  # noqa: B023
 
-        best, value = _gauss_newton(residuals, best)
-        kept = _agreeing(stack.sample(points(best), agree, holes), seen, width)
+        best, _ = _gauss_newton(residuals, best)
+        kept = _agreeing(stack.sample(sheet.points(best), agree, holes), seen, width)
         if kept.sum() < _LEAST_VIEWS:
             return None
         agree = agree[kept]
-    seen = stack.visible(points(best), scene)[agree]
-    values = stack.sample(points(best), agree, holes)
+    seen = stack.visible(sheet.points(best), scene)[agree]
+    values = stack.sample(sheet.points(best), agree, holes)
     value = _residuals(values, seen, _WIDTHS_PX[-1])[1]
     area = _mean(np.clip(values / _WIDTHS_PX[-1] + 0.5, 0, 1), seen).sum()
-    if area < _LEAST_AREA * min(covered, len(candidate.points)):
+    if area < _LEAST_AREA * min(sheet.covered, len(candidate.points)):
         return None
-    normal = stack.normal - (best[1] * stack.first + best[2] * stack.second) / size
-    normal /= np.linalg.norm(normal)
-    height = stack.origin @ stack.normal + best[0]
-    through = middle[0] * stack.first + middle[1] * stack.second + height * stack.normal
-    return Aligned(normal, through, value, agree, holes)
+    return Aligned(*sheet.plane(best), value, agree, holes)
+
+
+def parallel(stack: Stack, candidate: Candidate, scene: Scene, aligned: Aligned, normals: Sequence[Array]) -> Aligned:
+    """The plane turned to the first of some normals (3,) that is nearly its own, if views agree about as well.
+
+    Where walls or bosses hide a part of a face's border, the rest turns its plane by a few degrees; on parts most
+    faces that nearly are parallel are.
+    """
+    near = next((n for n in normals if _ALIGNED > n @ aligned.normal > _NEARLY), None)
+    if near is None:
+        return aligned
+    sheet, width = _Sheet(stack, candidate), _WIDTHS_PX[-1]
+    start = sheet.parameters(near, aligned.through)
+    seen = stack.visible(sheet.points(start), scene)[aligned.views]
+
+    def residuals(height: Array) -> tuple[Array, float]:
+        points = sheet.points(np.concatenate([height, start[1:]]))
+        return _residuals(stack.sample(points, aligned.views, aligned.holes), seen, width)
+
+    height, value = _gauss_newton(residuals, start[:1])
+    if value > _AS_WELL * aligned.disagreement:
+        return aligned
+    normal, through = sheet.plane(np.concatenate([height, start[1:]]))
+    return replace(aligned, normal=normal, through=through, disagreement=value)
 
 
 def _agreeing(values: Array, seen: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.faces.align import Stack, align
+from brepgaussian.splatting.faces.align import Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import candidates
 from brepgaussian.splatting.faces.confirm import Face, confirm, over
 from brepgaussian.splatting.faces.holes import clear_holes
@@ -109,6 +109,7 @@ def _flatten(
         aligned = align(stack, candidate, scene)
         if aligned is None:
             continue
+        aligned = parallel(stack, candidate, scene, aligned, _directions([*known, *faces]))
         # what a cut has left of a rounded inner edge may be flat: only the hull as it was is worth a doubt
         face = confirm(images, stack, candidate, aligned, scene, strict=bool(known))
         if face is None or any(_same(face, other, hull.spacing) for other in faces):
@@ -123,6 +124,12 @@ def _flatten(
         faces = [f for f in kept if f is not None]
         carved = _carve(hull, faces)
     return clear_holes(carved, faces, partial(_needed, views), _NEEDED_SHARE), faces
+
+
+def _directions(faces: Sequence[Face]) -> list[Array]:
+    """Normals (3,) that other faces on a part are likely to have: of those of faces, the largest first, both signs."""
+    ordered = sorted(faces, key=lambda f: -f.area)
+    return [sign * f.lattice.normal for f in ordered for sign in (1.0, -1.0)]
 
 
 def _moved(points: Array, before: Scene, spacing: float) -> bool:
