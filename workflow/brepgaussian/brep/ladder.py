@@ -28,6 +28,7 @@ from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import symmetric
 from brepgaussian.brep.tangents import tangent_walls
 from brepgaussian.brep.tidy import tidy
+from brepgaussian.brep.tubes import even_tubes
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError, StageError
 from brepgaussian.geometry.surfaces import Surface
@@ -93,10 +94,13 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with rolled fillets, without skins, with smooth fillets, with planes for curved walls, with what
-    symmetries carry, with straight profiles, with grooves.
+    """The job with rolled fillets, with even pipes, without skins, with smooth fillets, with planes for curved walls,
+    with what symmetries carry, with straight profiles, with grooves.
     """
     yield from rolled(job, sigma)
+    tubes = even_tubes(job.patches, sigma)
+    if any(new is not old for new, old in zip(tubes, job.patches, strict=True)):
+        yield replace(job, patches=tuple(tubes))
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)
     smooth = rounded(walls, sigma) or walls
