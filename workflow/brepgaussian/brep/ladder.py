@@ -171,6 +171,10 @@ def climb(
     if guessed:
         report["accepted"] = False
         report["hints"] = [*report["hints"], f"{guessed} faces are guessed: no view shows an edge of them"]
+    untold = _untold(worker, chosen, views, job.settings) if views is not None and report["accepted"] else []
+    if untold:
+        report["accepted"] = False
+        report["hints"] = [*report["hints"], f"floors {untold} may lie deeper: views tell no better that they do not"]
     return Outcome(chosen.shape, chosen.verdict.structure, chosen.surfaces, report)
 
 
@@ -204,6 +208,20 @@ def _guessed(chosen: Attempt, judged: Mapping[str, Any]) -> int:
     seen = {face for edge in told for face in structure.edges[edge].faces}
     primitives = [chosen.primitives[f.surface] if f.surface >= 0 else 0 for f in structure.faces]
     return sum(primitive < 0 and face not in seen for face, primitive in enumerate(primitives))
+
+
+def _untold(worker: Worker, chosen: Attempt, views: Views, settings: BrepSettings) -> list[int]:
+    """Faces that are floors of deep narrow holes, of which views do not tell where they lie."""
+    from brepgaussian.brep.refine.floors import untold_floors
+    from brepgaussian.brep.refine.visibility import Scene
+
+    arguments = (chosen.shape, chosen.surfaces)
+    try:
+        structure, mesh = worker.call("assemble:inspect", arguments, settings.time_limit_s)
+    except WorkerError as error:  # the kernel has made this solid, so the loss is a judgement only
+        get_logger("brep").warning("floors are not judged: %s", error)
+        return []
+    return untold_floors(Scene(mesh), structure, views)
 
 
 def _fallback(worker: Worker, job: Job, points: Points) -> Attempt:

@@ -33,7 +33,7 @@ class Scene:
         import open3d as o3d
 
         core: Any = o3d.core  # its stubs know no arrays
-        self._tensor, self._mesh = core.Tensor, mesh
+        self._tensor, self.mesh = core.Tensor, mesh
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         vertices, triangles = mesh.vertices.astype(np.float32), mesh.triangles.astype(np.uint32)
         self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles))
@@ -41,12 +41,12 @@ class Scene:
     @property
     def face(self) -> Indices:
         """(T,) face of each triangle."""
-        return self._mesh.face
+        return self.mesh.face
 
     @cached_property
     def normals(self) -> Array:
         """(T, 3) unit normals of the triangles."""
-        a, b, c = (self._mesh.vertices[self._mesh.triangles[:, k]] for k in range(3))
+        a, b, c = (self.mesh.vertices[self.mesh.triangles[:, k]] for k in range(3))
         cross = np.cross(b - a, c - a)
         return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny))
 
@@ -61,7 +61,7 @@ class Scene:
     def cast(self, centers: Array, directions: Array) -> tuple[Indices, Array]:
         """(R,) face that each ray hits first (-1: none) and (R,) distance along its unit direction."""
         triangle, distance = self.hit(centers, directions)
-        return np.where(triangle >= 0, self._mesh.face[np.maximum(triangle, 0)], _NOTHING), distance
+        return np.where(triangle >= 0, self.mesh.face[np.maximum(triangle, 0)], _NOTHING), distance
 
 
 def look(cameras: Cameras, view: Indices, pixels: Array, poses: Array) -> tuple[Array, Array]:
