@@ -36,6 +36,17 @@ def test_an_edge_that_is_known_roughly_may_be_off(px, count):
     assert lost_edges(solid(CORNER + np.array([0, 0, 0.05])), [edge(ARC, px, count)]) == 1
 
 
+def test_the_false_edge_beside_a_valley_may_be_lost_though_it_fits_better_than_the_true_one():
+    """Light fades towards the valley: what a spurious face beside it ends at is where the step seems to be."""
+    valley = CORNER + np.array([0.004, 0.004, 0])
+    false = ShownEdge(CORNER, 0.05, 40, PIXEL, convex=False)
+    true = ShownEdge(valley, 1.4, 40, PIXEL, convex=False)
+    assert lost_edges(solid(valley, convexity="concave"), [false]) == 0
+    assert moved_edges([true], [false], limit_px=0.1) == 0
+    assert lost_edges(solid(valley), [edge(CORNER)]) == 1
+    assert moved_edges([edge(valley, 1.4)], [edge(CORNER)], limit_px=0.1) == 1
+
+
 def test_edges_that_are_not_shown_cannot_be_lost():
     assert lost_edges(solid(CORNER), [edge(ARC, px=0.8)]) == 0
 
@@ -59,6 +70,7 @@ def test_an_edge_beside_none_of_the_old_ones_has_not_moved():
 
 def test_rows_of_edges_within_the_outline_are_what_is_shown():
     structure = solid(ARC, CORNER)
+    structure.edges[0].convexity = "concave"
     rows = [
         {"name": "edge 1", "interior_px": 0.2, "interior": 31},
         {"name": "edge 0", "interior_px": None, "interior": 0},
@@ -66,4 +78,6 @@ def test_rows_of_edges_within_the_outline_are_what_is_shown():
     ]
     (found,) = shown_edges(structure, rows, PIXEL)
     np.testing.assert_array_equal(found.line, CORNER)
-    assert (found.px, found.count, found.footprint) == (0.2, 31, PIXEL)
+    assert (found.px, found.count, found.footprint, found.convex) == (0.2, 31, PIXEL, True)
+    (found,) = shown_edges(structure, [{"name": "edge 0", "interior_px": 0.05, "interior": 40}], PIXEL)
+    assert not found.is_sure

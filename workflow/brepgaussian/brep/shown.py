@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.structure import SMOOTH, Structure
+from brepgaussian.brep.structure import CONVEX, SMOOTH, Structure
 
 Array = NDArray[np.float64]
 
@@ -28,12 +28,14 @@ class ShownEdge:
     Attributes:
         line: (S, 3) samples, unit frame; px: median distance from that step; count: of its observations.
         footprint: size of a pixel there, unit frame.
+        convex: in valleys light fades towards the edge, and the step that views show lies pixels beside it.
     """
 
     line: Array
     px: float
     count: int
     footprint: float
+    convex: bool = True
 
     @property
     def is_shown(self) -> bool:
@@ -43,7 +45,7 @@ class ShownEdge:
     @property
     def is_sure(self) -> bool:
         """Whether the images know to a fraction of a pixel where it is."""
-        return self.px < _SURE_PX and self.count >= _SEEN
+        return self.convex and self.px < _SURE_PX and self.count >= _SEEN
 
     def is_on(self, edges: cKDTree) -> bool:
         """Whether another solid, by samples of its sharp edges, has it."""
@@ -63,8 +65,9 @@ def shown_edges(structure: Structure, rows: Iterable[Mapping[str, Any]], footpri
     for row in rows:
         kind, index = str(row["name"]).rsplit(" ", 1)
         if kind == "edge" and row["interior_px"] is not None:
-            line = structure.edges[int(index)].polyline
-            found.append(ShownEdge(line, float(row["interior_px"]), int(row["interior"]), footprint))
+            edge = structure.edges[int(index)]
+            px, count = float(row["interior_px"]), int(row["interior"])
+            found.append(ShownEdge(edge.polyline, px, count, footprint, edge.convexity == CONVEX))
     return tuple(found)
 
 
@@ -80,14 +83,14 @@ def lost_edges(structure: Structure | None, known: Sequence[ShownEdge]) -> int:
 
 
 def moved_edges(new: Sequence[ShownEdge], old: Sequence[ShownEdge], limit_px: float) -> int:
-    """Number of a solid's edges that the images place elsewhere, while those of the old one in the same place fit.
+    """Number of a solid's convex edges that the images place elsewhere, while those of the old one in that place fit.
 
     Args:
         new, old: edges of both.
         limit_px: what an edge may be off by.
     """
     count = 0
-    for edge in (e for e in new if e.count >= _SEEN):
+    for edge in (e for e in new if e.convex and e.count >= _SEEN):
         beside = [o.px for o in old if np.mean(cKDTree(o.line).query(edge.line)[0] <= _SAME_EDGE) >= _HALF]
         before = min(beside, default=np.inf)
         count += edge.px > max(_ELSEWHERE * before, before + limit_px)
