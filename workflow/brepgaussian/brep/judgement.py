@@ -8,7 +8,7 @@ from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.polish import Polished, badness, in_limits, wrong_masks
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE
 from brepgaussian.brep.refine.agreement import PLACE_AREA_PX2
-from brepgaussian.brep.shown import lost_edges, moved_edges
+from brepgaussian.brep.shown import lost_edges
 from brepgaussian.brep.simplify import complexity
 from brepgaussian.settings.brep import BrepSettings
 
@@ -37,9 +37,6 @@ def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
         return ""
     if other["accepted"] and not one["accepted"]:
         return "the images do not accept it"
-    moved = moved_edges(new.shown, old.shown, settings.accept_silhouette_px)
-    if moved:
-        return f"{moved} edges within its outline are farther off"
     less = one["mask_iou"] < other["mask_iou"] - _slack(other)  # what silhouettes show is not left out
     if other["accepted"]:
         less |= one["silhouette_px"] > other["silhouette_px"] + PX_NOISE

@@ -61,7 +61,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         structure, mesh = _inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
-            return _polished(attempt, {"refined": False}, structure, test, footprint)
+            return _polished(attempt, {"refined": False}, structure, test, job, footprint)
         for _ in range(_ROUNDS):
             result = refine(structure, mesh, attempt.surfaces, views, settings)
             drawn = _drawn(job, structure, attempt, result)
@@ -71,7 +71,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
                 notes = {"refined": False, "refinement": details | _tables(result.before)}
-                best = _polished(attempt, notes, structure, result.before, footprint)
+                best = _polished(attempt, notes, structure, result.before, job, footprint)
             if not result.report["kept"]:
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
@@ -82,7 +82,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             same = _named(rebuilt[0]) == _named(attempt)
             attempt, test, structure, mesh = rebuilt
             notes = {"refined": True, "refinement": details | _tables(test)}
-            best = _polished(attempt, notes, structure, test, footprint)
+            best = _polished(attempt, notes, structure, test, job, footprint)
             if same:
                 break
             job = with_surfaces(job, rung, result.surfaces, {f.surface for f in result.structure.faces})
@@ -94,10 +94,13 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
     return best
 
 
-def _polished(attempt: Attempt, notes: dict[str, Any], structure: Structure, test: Any, footprint: float) -> Polished:
+def _polished(
+    attempt: Attempt, notes: dict[str, Any], structure: Structure, test: Any, job: Job, footprint: float
+) -> Polished:
     """A solid with the figures of its acceptance test, and notes on the refinement."""
     places = np.zeros((0, 4)) if test.displaced is None else np.asarray(test.displaced.places)
-    return Polished(attempt, _figures(test) | notes, shown_edges(structure, test.edges, footprint), places)
+    shown = shown_edges(structure, test.edges, footprint, {b.patch for b in job.blends})
+    return Polished(attempt, _figures(test) | notes, shown, places)
 
 
 def _tables(test: Any) -> dict[str, Any]:

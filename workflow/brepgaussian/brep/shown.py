@@ -1,6 +1,6 @@
 """Edges of a solid that the images show within its outline, and what another solid makes of them. Imports no OCP."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,6 @@ _SEEN = 20  # if so many observations say so
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
 _HALF = 0.5  # of an edge that another solid has, too;
 _MOSTLY = 0.75  # of one that is known to a pixel: half of a small arc lies that near to the corner that it rounds off
-_ELSEWHERE = 2.0  # times the distance from the images that an edge had before
 
 
 @dataclass(frozen=True)
@@ -28,14 +27,15 @@ class ShownEdge:
     Attributes:
         line: (S, 3) samples, unit frame; px: median distance from that step; count: of its observations.
         footprint: size of a pixel there, unit frame.
-        convex: in valleys light fades towards the edge, and the step that views show lies pixels beside it.
+        arc: whether a fillet ends there, on convex ground (in valleys light fades towards the edge, and the step that
+            views show lies pixels beside it): the corner that it rounds off is nearly as good.
     """
 
     line: Array
     px: float
     count: int
     footprint: float
-    convex: bool = True
+    arc: bool = False
 
     @property
     def is_shown(self) -> bool:
@@ -45,7 +45,7 @@ class ShownEdge:
     @property
     def is_sure(self) -> bool:
         """Whether the images know to a fraction of a pixel where it is."""
-        return self.convex and self.px < _SURE_PX and self.count >= _SEEN
+        return self.arc and self.px < _SURE_PX and self.count >= _SEEN
 
     def is_on(self, edges: cKDTree) -> bool:
         """Whether another solid, by samples of its sharp edges, has it."""
@@ -53,21 +53,25 @@ class ShownEdge:
         return bool(np.mean(edges.query(self.line)[0] <= reach) >= share)
 
 
-def shown_edges(structure: Structure, rows: Iterable[Mapping[str, Any]], footprint: float) -> tuple[ShownEdge, ...]:
+def shown_edges(
+    structure: Structure, rows: Iterable[Mapping[str, Any]], footprint: float, fillets: Collection[int] = ()
+) -> tuple[ShownEdge, ...]:
     """The edges within a solid's outline about which the images say something.
 
     Args:
         structure: of the solid.
         rows: the acceptance test's table of edges.
         footprint: size of a pixel at the object, unit frame.
+        fillets: indices of surfaces that roll on others.
     """
     found = []
     for row in rows:
         kind, index = str(row["name"]).rsplit(" ", 1)
         if kind == "edge" and row["interior_px"] is not None:
             edge = structure.edges[int(index)]
+            rolled = any(i in fillets for i in edge.surfaces)
             px, count = float(row["interior_px"]), int(row["interior"])
-            found.append(ShownEdge(edge.polyline, px, count, footprint, edge.convexity == CONVEX))
+            found.append(ShownEdge(edge.polyline, px, count, footprint, edge.convexity == CONVEX and rolled))
     return tuple(found)
 
 
@@ -80,18 +84,3 @@ def lost_edges(structure: Structure | None, known: Sequence[ShownEdge]) -> int:
         return len(shown)
     tree = cKDTree(np.concatenate(sharp))
     return sum(not edge.is_on(tree) for edge in shown)
-
-
-def moved_edges(new: Sequence[ShownEdge], old: Sequence[ShownEdge], limit_px: float) -> int:
-    """Number of a solid's convex edges that the images place elsewhere, while those of the old one in that place fit.
-
-    Args:
-        new, old: edges of both.
-        limit_px: what an edge may be off by.
-    """
-    count = 0
-    for edge in (e for e in new if e.convex and e.count >= _SEEN):
-        beside = [o.px for o in old if np.mean(cKDTree(o.line).query(edge.line)[0] <= _SAME_EDGE) >= _HALF]
-        before = min(beside, default=np.inf)
-        count += edge.px > max(_ELSEWHERE * before, before + limit_px)
-    return count
