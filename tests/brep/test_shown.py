@@ -20,6 +20,12 @@ def edge(line, px=0.05, count=40, arc=True):
     return ShownEdge(line, px, count, PIXEL, arc)
 
 
+def known(*edges):
+    """Edges (line, px) of a solid as its acceptance test tells them."""
+    rows = [{"name": f"edge {i}", "interior_px": px, "interior": 40} for i, (_, px) in enumerate(edges)]
+    return shown_edges(solid(*(line for line, _ in edges)), rows, PIXEL)
+
+
 def solid(*lines, convexity="convex"):
     return SimpleNamespace(
         edges=[SimpleNamespace(polyline=line, convexity=convexity, surfaces=(2, 7)) for line in lines]
@@ -46,13 +52,13 @@ def test_edges_of_no_fillet_are_compared_roughly():
 
 
 def test_edges_that_are_not_shown_cannot_be_lost():
-    assert lost_edges(solid(CORNER), [edge(ARC, px=0.8)]) == 0
+    assert lost_edges(solid(CORNER), known((ARC, 0.8))) == 0
 
 
 def test_a_solid_without_sharp_edges_has_none_of_them():
     smooth = solid(ARC, convexity=SMOOTH)
     for structure in (None, solid(), smooth):
-        assert lost_edges(structure, [edge(ARC), edge(ARC, px=0.8)]) == 1
+        assert lost_edges(structure, known((ARC, 0.05), (ARC, 0.8))) == 1
 
 
 @pytest.mark.parametrize(

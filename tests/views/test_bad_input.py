@@ -153,6 +153,12 @@ def test_bad_step_files(tmp_path):
     refuse("holds 2 solids", "step", two, tmp_path)
 
 
+def test_a_face_that_the_kernel_does_not_mesh(tmp_path, monkeypatch):
+    monkeypatch.setattr("brepgaussian.views.mesh._is_meshed", lambda face: False)
+    file = write_step(build_part("cup"), tmp_path / "cup.step")
+    refuse("cup.step: has faces that the kernel cannot triangulate", "step", file, tmp_path)
+
+
 def test_damaged_truth_of_abc(bracket, tmp_path):
     folder = abc_object(tmp_path / "data", bracket.views, "abc_nef")
     (folder / "a_trimesh_1.obj").write_text("v 0 0 0\nf 1 2 3\n")

@@ -6,7 +6,7 @@ arrangement of sheets that only touch falls apart. Without its fillets the same 
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -136,6 +136,7 @@ def _left_out(edges: Sequence[Blend], patches: Sequence[Patch], noise: float) ->
     """
     by_faces = {tuple(sorted(b.faces)): patches[b.patch].surface for b in edges}
     taken = {b.patch for b in edges} | {i for b in edges for i in b.faces}
+    beside = cache(lambda i: set(neighbours(i, patches)))
     planes = sorted({i for pair in by_faces for i in pair if patches[i].surface.kind == "plane"})
     for edge in (pair for pair in combinations(planes, 2) if pair not in by_faces):
         first, second = (patches[i].surface for i in edge)
@@ -147,7 +148,7 @@ def _left_out(edges: Sequence[Blend], patches: Sequence[Patch], noise: float) ->
             on = {
                 i: int(_on_fillet(surface, patches[i], noise).sum())
                 for i in range(len(patches))
-                if i not in taken and set(edge) & set(neighbours(i, patches))
+                if i not in taken and set(edge) & beside(i)
             }
             best = max(on, key=lambda i: on[i], default=None)
             if best is not None and on[best] > _MOSTLY * len(patches[best].xyz):

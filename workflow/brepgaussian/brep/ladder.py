@@ -1,6 +1,6 @@
 """The ladder: one attempt after another until the gate has no doubts; the last rung always closes."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,8 +16,8 @@ from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
-from brepgaussian.brep.patches import make_patches
-from brepgaussian.brep.polish import Polished, badness
+from brepgaussian.brep.patches import Patch, make_patches
+from brepgaussian.brep.polish import Polished, badness, inspect
 from brepgaussian.brep.profiles import grooved, straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
@@ -98,14 +98,10 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     with what symmetries carry, with straight profiles, with grooves.
     """
     yield from rolled(job, sigma)
-    tubes = even_tubes(job.patches, sigma)
-    if any(new is not old for new, old in zip(tubes, job.patches, strict=True)):
-        yield replace(job, patches=tuple(tubes))
+    yield from _changed(job, even_tubes(job.patches, sigma))
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)
-    smooth = rounded(walls, sigma) or walls
-    if any(new is not old for new, old in zip(smooth, job.patches, strict=True)):
-        yield replace(job, patches=tuple(smooth))
+    yield from _changed(job, rounded(walls, sigma) or walls)
     for square in (True, False):
         planes = angular(job.patches, square)
         if planes:
@@ -120,6 +116,12 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     grooves = grooved(job.patches)
     if grooves:
         yield applied(job, grooves)
+
+
+def _changed(job: Job, patches: Sequence[Patch]) -> Iterator[Job]:
+    """The job with as many other patches, if any of them is another one."""
+    if any(new is not old for new, old in zip(patches, job.patches, strict=True)):
+        yield replace(job, patches=tuple(patches))
 
 
 def rolled(job: Job, sigma: float) -> Iterator[Job]:
@@ -215,9 +217,8 @@ def _untold(worker: Worker, chosen: Attempt, views: Views, settings: BrepSetting
     from brepgaussian.brep.refine.floors import untold_floors
     from brepgaussian.brep.refine.visibility import Scene
 
-    arguments = (chosen.shape, chosen.surfaces)
     try:
-        structure, mesh = worker.call("assemble:inspect", arguments, settings.time_limit_s)
+        structure, mesh = inspect(worker, chosen, settings)
     except WorkerError as error:  # the kernel has made this solid, so the loss is a judgement only
         get_logger("brep").warning("floors are not judged: %s", error)
         return []

@@ -36,7 +36,7 @@ class Polished:
     Attributes:
         attempt: the rebuilt solid, or the given one where that is better or cannot be rebuilt.
         report: `silhouette_px`, `mask_iou`, `accepted` of that solid, and how the refinement went.
-        shown: the edges within its outline about which the images say something.
+        shown: the edges within its outline that the images show.
         off: (P, 4) places that lie elsewhere, and by how many px they should lie deeper, where edges agree.
     """
 
@@ -58,7 +58,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
     best: Polished | None = None
     footprint = views.cameras.footprint()
     try:
-        structure, mesh = _inspect(worker, attempt, settings)
+        structure, mesh = inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
             return _polished(attempt, {"refined": False}, structure, test, job, footprint)
@@ -138,7 +138,7 @@ def in_limits(value: float, limit: float) -> float:
     return float(value / max(limit, _ROUNDING))
 
 
-def _inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
+def inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
     """Structure and triangulation of an attempt's solid."""
     return worker.call("assemble:inspect", (attempt.shape, attempt.surfaces), settings.time_limit_s)
 
@@ -171,7 +171,7 @@ def _rebuilt(
         if difference not in ("", OTHER_TOPOLOGY) or lost:
             fault = fault or "; ".join(filter(None, (difference, lost)))
             continue
-        structure, mesh = _inspect(worker, rebuilt, settings)
+        structure, mesh = inspect(worker, rebuilt, settings)
         poses = result.poses if result.poses.any() else None
         test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=poses, tone=result.tone)
         same = not difference or _closer(attempt, rebuilt)

@@ -38,11 +38,6 @@ class ShownEdge:
     arc: bool = False
 
     @property
-    def is_shown(self) -> bool:
-        """Whether most samples lie where the step is."""
-        return self.px < _SHOWN_PX
-
-    @property
     def is_sure(self) -> bool:
         """Whether the images know to a fraction of a pixel where it is."""
         return self.arc and self.px < _SURE_PX and self.count >= _SEEN
@@ -56,7 +51,7 @@ class ShownEdge:
 def shown_edges(
     structure: Structure, rows: Iterable[Mapping[str, Any]], footprint: float, fillets: Collection[int] = ()
 ) -> tuple[ShownEdge, ...]:
-    """The edges within a solid's outline about which the images say something.
+    """The edges within a solid's outline most samples of which lie where the images show a step of luminance.
 
     Args:
         structure: of the solid.
@@ -67,7 +62,7 @@ def shown_edges(
     found = []
     for row in rows:
         kind, index = str(row["name"]).rsplit(" ", 1)
-        if kind == "edge" and row["interior_px"] is not None:
+        if kind == "edge" and row["interior_px"] is not None and row["interior_px"] < _SHOWN_PX:
             edge = structure.edges[int(index)]
             rolled = any(i in fillets for i in edge.surfaces)
             px, count = float(row["interior_px"]), int(row["interior"])
@@ -79,8 +74,7 @@ def lost_edges(structure: Structure | None, known: Sequence[ShownEdge]) -> int:
     """Number of edges that the images show and a solid lacks."""
     edges = [] if structure is None else structure.edges
     sharp = [e.polyline for e in edges if e.convexity != SMOOTH]
-    shown = [edge for edge in known if edge.is_shown]
     if not sharp:
-        return len(shown)
+        return len(known)
     tree = cKDTree(np.concatenate(sharp))
-    return sum(not edge.is_on(tree) for edge in shown)
+    return sum(not edge.is_on(tree) for edge in known)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from brepgaussian.brep.patches import Patch, neighbours
 from brepgaussian.geometry.surfaces import Surface
-from brepgaussian.primitives.relations import Link
+from brepgaussian.primitives.relations import RESIDUALS
 
 _LINE = 1e-6  # unit frame: centre lines that are one
 _WIDTH_NOISES = 5.0  # by which the widths of one pipe may differ; a larger step is one
@@ -34,5 +34,5 @@ def even_tubes(patches: Sequence[Patch], noise: float) -> list[Patch]:
 
 def _goes_on(pipe: Surface, ring: Surface, noise: float) -> bool:
     """Whether a cylinder's axis touches a torus's centre line, and it is about as wide as the tube, but not quite."""
-    *line, width = (abs(float(v)) for v in Link("bend", 0, 1).residual(pipe, ring))
+    *line, width = (abs(float(v)) for v in RESIDUALS["bend"](pipe, ring))
     return pipe.flipped == ring.flipped and max(line) < _LINE and 0 < width < _WIDTH_NOISES * noise

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.errors import InputError
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.log import get_logger, progress
 from brepgaussian.settings.views import ViewsSettings
@@ -30,7 +31,10 @@ def load_part(name: str, path: str, truth: str, want_truth: bool, settings: View
 
 def load_step(name: str, path: str, truth: str, want_truth: bool, settings: ViewsSettings, threads: int) -> Loaded:
     """Render a STEP file of one solid; the world frame is the file's, in mm whatever the file's unit."""
-    return _load_solid(name, read_solid(Path(path)), want_truth, settings, threads)
+    try:
+        return _load_solid(name, read_solid(Path(path)), want_truth, settings, threads)
+    except InputError as error:  # what the kernel cannot do with a solid it says without its file
+        raise InputError(error.fault, file=error.file or path, fix=error.fix) from error
 
 
 def _load_solid(name: str, world_solid: Any, want_truth: bool, settings: ViewsSettings, threads: int) -> Loaded:

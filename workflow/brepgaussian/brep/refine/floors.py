@@ -18,6 +18,7 @@ from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import CONCAVE, Structure
 from brepgaussian.geometry.parallax import Looks
 from brepgaussian.geometry.rows import distinct
+from brepgaussian.splatting.concave.agreement import advantage
 from brepgaussian.splatting.concave.radiance import differences
 
 Array = NDArray[np.float64]
@@ -70,14 +71,8 @@ def _is_told(seen: Looks, scene: Scene, face: int, side: float, tolerance: float
     if not len(seen.face):
         return False
     now = _costs(seen.points, np.full(len(seen.face), _FLOOR), seen.grey, side, tolerance)
-    units = distinct(np.floor(seen.points / side).astype(np.int64))[1]
-    for where, kind in _deeper(seen, scene, face):
-        below = _costs(where, kind, seen.grey, side, tolerance)
-        gain = np.where(now[1] & below[1], below[0] - now[0], 0.0)
-        by_place = np.bincount(units, gain)  # rays near each other err alike
-        if by_place.sum() < _SIGMAS * np.sqrt((by_place**2).sum()) or not gain.any():
-            return False
-    return True
+    below = (_costs(where, kind, seen.grey, side, tolerance) for where, kind in _deeper(seen, scene, face))
+    return all(advantage(seen.points, side, costs, now) >= _SIGMAS for costs in below)
 
 
 def _costs(points: Array, kind: Indices, grey: Array, side: float, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:

@@ -60,11 +60,19 @@ class Rays:
 
     def advantage(self, costs: Costs, other: Costs) -> float:
         """By how many standard errors the rays that both tell of disagree less on the other; 0 if they are alike."""
-        units = distinct(np.floor(self.at / self.side).astype(np.int64))[1]
-        gain = np.where(costs[1] & other[1], costs[0] - other[0], 0.0)
-        less = np.bincount(units, gain)
-        spread = float(np.sqrt((less**2).sum()))
-        return float(less.sum()) / spread if spread else 0.0
+        return advantage(self.at, self.side, costs, other)
+
+
+def advantage(at: Array, side: float, costs: Costs, other: Costs) -> float:
+    """By how many standard errors rays that hit places (N, 3) disagree less by `other` costs; 0 if they are alike.
+
+    Those within one place of a `side` err alike.
+    """
+    units = distinct(np.floor(at / side).astype(np.int64))[1]
+    gain = np.where(costs[1] & other[1], costs[0] - other[0], 0.0)
+    less = np.bincount(units, gain)
+    spread = float(np.sqrt((less**2).sum()))
+    return float(less.sum()) / spread if spread else 0.0
 
 
 def mean_cost(costs: Costs) -> float:

@@ -55,13 +55,8 @@ def _first_end(hull: Volume, prism: Prism) -> tuple[float | None, bool]:
     ray = -lattice.normal + prism.tilt[0] * lattice.first + prism.tilt[1] * lattice.second
     crossings, inside = crossings_of(hull.scene(), cells, np.broadcast_to(ray, cells.shape), lattice.pitch)
     # where silhouettes have opened the first wall, rays are out of it from the start
-    none = np.full((len(cells), 3), np.inf)
-    crossings = np.where(
-        inside[:, None],
-        np.hstack([crossings, none])[:, :3],
-        np.hstack([np.zeros((len(cells), 1)), crossings, none])[:, :3],
-    )
-    out, again, back = (crossings[:, k] * lattice.pitch for k in range(3))
+    ordered = np.pad(crossings * lattice.pitch, ((0, 0), (1, 3)), constant_values=((0, 0), (0.0, np.inf)))
+    out, again, back = np.take_along_axis(ordered, np.arange(3) + inside[:, None], axis=1).T
     with np.errstate(invalid="ignore"):
         behind = np.isfinite(back) & (again - out > room) & (np.minimum(back, prism.depth) - again > room)
     if behind.mean() < _LEAST_BEHIND:

@@ -154,12 +154,9 @@ class _Sheet:
 
     def parameters(self, normal: Array, through: Array) -> Array:
         """(3,) of a plane, the inverse of `plane`."""
-        slopes = [-self.size * float(normal @ axis) / float(normal @ self.stack.normal) for axis in self._axes]
+        axes = self.stack.first, self.stack.second
+        slopes = [-self.size * float(normal @ axis) / float(normal @ self.stack.normal) for axis in axes]
         return np.array([float(through @ self.stack.normal) - self.level, *slopes])
-
-    @property
-    def _axes(self) -> tuple[Array, Array]:
-        return self.stack.first, self.stack.second
 
 
 def _align(stack: Stack, candidate: Candidate, scene: Scene, holes: bool) -> Aligned | None:
