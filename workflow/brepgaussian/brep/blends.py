@@ -109,6 +109,8 @@ def spare(patches: Sequence[Patch], blends: Sequence[Blend], noise: float) -> li
 def exact_blends(patches: Sequence[Patch], blends: Sequence[Blend]) -> list[Patch]:
     """The patches with every fillet touching its faces exactly, those of nearly one radius of the same."""
     result = list(patches)
+    if not blends:
+        return result
     radii = _shared([size(patches[b.patch].surface) for b in blends], _EXACT)
     for blend, radius in sorted(zip(blends, radii, strict=True), key=lambda pair: -_is_face(pair[0], blends)):
         old = result[blend.patch].surface

@@ -38,19 +38,19 @@ def rounded(patches: Sequence[Patch], noise: float) -> list[Patch] | None:
     """The patches with every fillet made to touch its neighbours; None if there is none to change."""
     result = _squared(patches, noise)
     for i, patch in enumerate(patches):
-        makers = {"torus": _fillets, "cylinder": _roundings}.get(patch.surface.kind)
-        if makers is None:
+        surface = fillet_between(patch, [result[k] for k in neighbours(i, result)])
+        if surface is None or surface.rms(patch.xyz) > _WORSE * max(patch.sigma, noise):
             continue
-        found = [
-            f
-            for f in makers(patch, [result[k] for k in neighbours(i, result)])
-            if f.rms(patch.xyz) <= _WORSE * max(patch.sigma, noise)
-        ]
-        if found:
-            surface = min(found, key=lambda f: f.rms(patch.xyz))
-            if float(np.abs(surface.signed_distance(patch.surface.project(patch.xyz))).max()) > _SAME:
-                result[i] = replace(patch, surface=surface, sigma=surface.rms(patch.xyz))
+        if float(np.abs(surface.signed_distance(patch.surface.project(patch.xyz))).max()) > _SAME:
+            result[i] = replace(patch, surface=surface, sigma=surface.rms(patch.xyz))
     return result if any(a is not b for a, b in zip(result, patches, strict=True)) else None
+
+
+def fillet_between(patch: Patch, beside: Sequence[Patch]) -> Surface | None:
+    """The surface of a patch's kind that touches two of the patches beside it and is closest to its points."""
+    makers = {"torus": _fillets, "cylinder": _roundings}.get(patch.surface.kind)
+    found = [] if makers is None else list(makers(patch, beside))
+    return min(found, key=lambda f: f.rms(patch.xyz), default=None)
 
 
 def _squared(patches: Sequence[Patch], noise: float) -> list[Patch]:

@@ -140,8 +140,8 @@ def _merges(
         if not first == second == "plane" and not touch(patches[small], patches[large], _TOUCH, trees[large]):
             continue
         for kind in (first,) if refined else (*SIMPLER[first], first, second):
-            surface = _fitted(kind, pair, noise, rng)
-            if surface is not None and all(_explains(surface, p, noise, sigmas) for p in pair):
+            surface = fitted_to(kind, pair, noise, rng)
+            if surface is not None and all(explains(surface, p, noise, sigmas) for p in pair):
                 names = tuple(sorted((i, j)))
                 cost = max(_typical(surface, p) / max(noise, 1e-9) for p in pair)
                 name = f"patches {patches[names[0]].primitive} and {patches[names[1]].primitive} as one {kind}"
@@ -164,8 +164,8 @@ def _kinds(
     """Patches that a simpler kind explains to within some noises; the simplest that does."""
     for index, patch in enumerate(patches):
         for kind in SIMPLER[patch.surface.kind]:
-            surface = _fitted(kind, [patch], noise, rng)
-            if surface is not None and _explains(surface, patch, noise, sigmas):
+            surface = fitted_to(kind, [patch], noise, rng)
+            if surface is not None and explains(surface, patch, noise, sigmas):
                 yield Change(f"patch {patch.primitive} as a {kind}", (index,), (joined(surface, [patch]),))
                 break
 
@@ -187,7 +187,7 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
             yield Change(f"without patch {patch.primitive}", (index,), ())
 
 
-def _fitted(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:
+def fitted_to(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:
     """A surface of one kind through patches; None if their points determine none."""
     xyz, normals = (np.concatenate([getattr(p, k) for p in patches]) for k in ("xyz", "normals"))
     return fitted(kind, xyz, normals, noise, rng, next((p.surface for p in patches if p.surface.kind == kind), None))
@@ -208,7 +208,7 @@ def _typical(surface: Surface, patch: Patch) -> float:
     return float(np.quantile(np.abs(surface.signed_distance(patch.xyz)), _QUANTILE))
 
 
-def _explains(surface: Surface, patch: Patch, noise: float, sigmas: float = _SIGMAS) -> bool:
+def explains(surface: Surface, patch: Patch, noise: float, sigmas: float = _SIGMAS) -> bool:
     """Whether a surface is nearly as good for a patch as its own."""
     limit = sigmas * max(noise, _typical(patch.surface, patch))
     turn = np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals)

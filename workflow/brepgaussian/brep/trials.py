@@ -9,6 +9,7 @@ import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
+from brepgaussian.brep.facets import facets_as_fillets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import Shape, against, bears, calms, in_doubt, mends, shape_of, short_of, size
@@ -159,7 +160,9 @@ class Trials:
 
     def _proposals(self) -> list[Change]:
         """Simpler solids; but what touches its neighbours has one free parameter, less than a plane."""
-        found = proposals(self.job.patches, self._noise(), self.job.settings.seed, self.best.attempt.surfaces)
+        patches, noise, seed = self.job.patches, self._noise(), self.job.settings.seed
+        found = proposals(patches, noise, seed, self.best.attempt.surfaces)
+        found += facets_as_fillets(patches, noise, np.random.default_rng(seed))
         rolled = {b.patch for b in self.job.blends}
         return [c for c in found if not (c.new and rolled & set(c.gone))]
 

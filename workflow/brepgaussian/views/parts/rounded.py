@@ -1,8 +1,8 @@
 """Bundled parts with wheels' hubs, or with most of their edges rounded."""
 
-from build123d import Axis, Box, Cylinder, Part, Pos, Rot, fillet
+from build123d import Axis, Box, Cylinder, GeomType, Part, Pos, RectangleRounded, Rot, extrude, fillet
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
 from brepgaussian.views.parts.sizes import Sizes
 
 
@@ -37,3 +37,20 @@ def rounded_angle(s: Sizes) -> Part:
     for y in (-wide / 4, wide / 4):
         body -= Pos(long / 4, y, 0) * Cylinder(s(3.2), BEYOND)
     return body
+
+
+def hat_bracket(s: Sizes) -> Part:
+    """A folded strip, a channel with two flanges, rounded at its inner bends, with holes and a window on top."""
+    top, foot, high, thick, depth = s(34), s(20), s(28), s(5), s(36)
+    half, outer = top / 2, top / 2 + foot
+    points = [(-outer, 0), (-half + thick, 0), (-half + thick, high - thick), (half - thick, high - thick),
+              (half - thick, 0), (outer, 0), (outer, thick), (half, thick), (half, high), (-half, high),
+              (-half, thick), (-outer, thick)]  # fmt: skip
+    body = profile(*points, depth=depth)
+    lines = body.edges().filter_by(Axis.Y).filter_by(GeomType.LINE)
+    bends = [(x, z) for side in (-1, 1) for x, z in ((side * half, thick), (side * (half - thick), high - thick))]
+    inner = [e for e in lines if any(abs(e.center().X - x) + abs(e.center().Z - z) < 1e-3 for x, z in bends)]
+    body = fillet(inner, s(3.5))
+    for x in (-1, 1):
+        body -= Pos(x * (half + foot * 0.58), 0, 0) * Cylinder(s(3.6), BEYOND)
+    return body - extrude(RectangleRounded(s(14), s(18), s(3)), BEYOND)
