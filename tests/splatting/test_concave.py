@@ -104,6 +104,17 @@ def test_two_faces_on_one_plane_do_not_take_the_turned_plane_of_one_of_them(turn
     assert taken or on is region
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.08, 0.2])
+def test_a_strip_of_a_shaft_bends_by_the_angle_that_it_covers(turn):
+    x, t = (v.ravel() for v in np.meshgrid(np.linspace(0, 0.4, 41), np.linspace(-0.5, 0.5, 41), indexing="ij"))
+    radius = 0.2 / turn if turn else np.inf
+    y, z = (radius * np.sin(turn * t), radius * np.cos(turn * t) - radius) if turn else (0.2 * t, 0 * t)
+    corner = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    triangles = np.concatenate([np.column_stack([corner, corner + a, corner + b]) for a, b in ((41, 42), (42, 1))])
+    (region,) = planar_regions(np.column_stack([x, y, z]), triangles, 0.01)
+    assert region.bend == pytest.approx(turn, rel=0.05, abs=1e-6)
+
+
 def test_a_ring_shaped_opening_keeps_its_island():
     rows, columns = np.mgrid[:120, :110]
     radius = np.hypot(rows - 60, columns - 55)

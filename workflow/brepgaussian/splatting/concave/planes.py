@@ -34,9 +34,15 @@ class Plane:
 
 @dataclass(frozen=True)
 class PlanarRegion(Plane):
-    """A plane and the triangles that lie on it."""
+    """A plane and the triangles that lie on it.
+
+    Attributes:
+        triangles: (M,) indices.
+        bend: angle by which their normals turn steadily from one side to the other, rad.
+    """
 
     triangles: NDArray[np.int64]
+    bend: float = 0.0
 
     def area(self, vertices: Array, triangles: NDArray[np.int64]) -> float:
         """Area of its triangles."""
@@ -107,8 +113,9 @@ def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: flo
         normal, members = seed
         normal, offset, members = _refit(normal, members, normals, areas, centers, free, tolerance)
         large = len(members) > 0 and areas[members].sum() >= _MINIMUM_AREA
-        if large and not _curved(normal, normals[members], centers[members], areas[members]):
-            found.append(PlanarRegion(normal, offset, members))
+        bend = _bend(normal, normals[members], centers[members], areas[members]) if large else 0.0
+        if large and bend <= _MAXIMUM_TURN:
+            found.append(PlanarRegion(normal, offset, members, bend))
         free[members] = False
         free[seed[1]] = False
     return found
@@ -169,15 +176,15 @@ def _refit(
     return normal, offset, members
 
 
-def _curved(normal: Array, normals: Array, centers: Array, areas: Array) -> bool:
-    """Whether the normals turn steadily along the region, as on a cylinder."""
+def _bend(normal: Array, normals: Array, centers: Array, areas: Array) -> float:
+    """Angle by which the normals turn steadily along the region, as on a cylinder, rad."""
     axes = np.column_stack(plane_axes(normal))
     weights = areas / areas.sum()
     where = centers @ axes - weights @ (centers @ axes)  # (N, 2)
     turn = normals @ axes - weights @ (normals @ axes)
     moment = where.T @ (weights[:, None] * where) + 1e-12 * np.eye(2)
     shape = np.linalg.solve(moment, where.T @ (weights[:, None] * turn))  # (2, 2) change of normal per length
-    bend, directions = np.linalg.eigh((shape + shape.T) / 2)
+    bends, directions = np.linalg.eigh((shape + shape.T) / 2)
     # sides of a rectangle of this spread
     across = np.sqrt(12 * np.einsum("ij,ik,kj->j", directions, moment, directions))
-    return bool((np.abs(bend) * across).max() > _MAXIMUM_TURN)
+    return float((np.abs(bends) * across).max())

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
 LEAST_AREA = 0.01  # of a face that ends a channel
+_MOST_BEND = 0.12  # rad: of faces that end a channel; slit walls, badly carved, bend by .09, strips of shafts by .13
 _LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not at its brim: the section is wrong
@@ -56,7 +57,8 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         chords = chords_in(scene, *images.contour_rays)
         samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= LEAST_AREA]
-        every = [c for normal in directions(regions) for c in _possible(chords, samples, cuts(hull, normal, regions))]
+        flat = [r for r in regions if r.bend < _MOST_BEND]
+        every = [c for normal in directions(flat) for c in _possible(chords, samples, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:
             opened, good = _judged(images, hull, cut)
