@@ -65,7 +65,7 @@ def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
     return best
 
 
-def refitted(border: Array, section: Section) -> Section | None:
+def refitted(border: Array, section: Section, most_off: float = _MOST_OFF) -> Section | None:
     """The simplest section through places of a border (N, 2), in cells, beginning from another section, or None."""
     count, best, score = len(border) / _CORRELATED_PLACES, None, np.inf
     before = section.border(len(border))
@@ -77,9 +77,20 @@ def refitted(border: Array, section: Section) -> Section | None:
         misfit = float(np.sqrt((np.minimum(off, _OUTLIER_CELLS) ** 2).mean()))
         value = count * np.log(misfit**2 + _LEAST_OFF**2) + len(start) * np.log(count)  # BIC
         moved = np.abs(found.signed_distance(before)).max()
-        if misfit <= _MOST_OFF and moved <= _MOST_MOVED and value < score:
+        if misfit <= most_off and moved <= _MOST_MOVED and value < score:
             best, score = replace(found, misfit=misfit), value
     return best
+
+
+def around(places: Array) -> Section | None:
+    """The simplest rectangle with round corners through an places (N, 2) of an outline, some on each side, or None."""
+    if len(places) < 4 * _LEAST_RADIUS:
+        return None
+    center, half, angle = _box(places)
+    if half.min() < _LEAST_RADIUS:
+        return None
+    box = Section((float(center[0]), float(center[1])), angle, Rounded((half[0], half[1]), 0.0))
+    return refitted(places, box, _MOST_MEAN)
 
 
 def sure_of(section: Section) -> bool:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
+from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.join import in_line, opposite
@@ -28,6 +29,7 @@ from brepgaussian.splatting.concave.planes import (
     Plane,
     lattice_over,
     planar_regions,
+    region_on,
 )
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 from brepgaussian.splatting.concave.scene import Scene
@@ -63,14 +65,20 @@ def find_prisms(
     mesh = scene.vertices, scene.triangles
     footprint = images.views.cameras.footprint()
     found: list[tuple[Prism, float]] = []
-    for fitted in planar_regions(*mesh, 2 * cell):
-        region = fitted.on(planes, *mesh, 2 * cell)
+    regions = [region.on(planes, *mesh, 2 * cell) for region in planar_regions(*mesh, 2 * cell)]
+    for region in regions:
         floor = _floor_of(region, floors, 2 * cell)
         if floors and floor is None:
             continue
         lattice = lattice_over(region, mesh, footprint)
         if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
             found += _concavities(images, scene, rectify(images, scene, lattice), floor=floor)
+    # of a lid that silhouettes have opened here and there, what is left leans
+    rims = [] if floors else [plane for plane in planes if not any(r.normal is plane.normal for r in regions)]
+    for rim in filter(None, (region_on(plane, *mesh, 2 * cell) for plane in rims)):
+        stack = rectify(images, scene, lattice_over(rim, mesh, footprint))
+        if broken_rims(images, scene, stack, (_LEAST_WIDTH_PIXELS * footprint) ** 2)[2]:
+            found += _concavities(images, scene, stack)
 
     def again(lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
         return measure(rectify(images, scene, lattice), outline, images.views.cameras.centers, scene, images.tolerance)
@@ -134,6 +142,9 @@ def _concavities(
     """
     cameras = images.views.cameras
     least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
+    whole, broken = stack, list[NDArray[np.bool_]]()
+    if not centered and floor is None:
+        stack, whole, broken = broken_rims(images, scene, stack, least)
     regions = enclosed(stack, least, images.tolerance)
     outlines = openings(stack, least) + regions
     if centered:
@@ -141,15 +152,16 @@ def _concavities(
         outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
     outlines = [outline for outline in outlines if is_framed(stack, outline)]
     if floor is not None:
-        whole = carried(floor.lattice, floor.outline, stack.lattice)
-        outlines += beside_islands(stack, whole, regions)
+        below = carried(floor.lattice, floor.outline, stack.lattice)
+        outlines += beside_islands(stack, below, regions)
     hubs = [] if centered else around_hubs(stack, scene, images, least)
     if not centered:
         outlines = standing_free(outlines, stack, scene, images)
     fits = []
-    for outline, above in [*((outline, 0.0) for outline in outlines), *hubs]:
+    tried = [(stack, outline, 0.0) for outline in outlines] + [(stack, outline, top) for outline, top in hubs]
+    for seen, outline, above in [*tried, *((whole, outline, 0.0) for outline in broken)]:
         if outline.any():
-            fit = measure(stack, outline, cameras.centers, scene, images.tolerance)
+            fit = measure(seen, outline, cameras.centers, scene, images.tolerance)
             # around a hub silhouettes would show what goes through
             if fit is not None and _believable(fit[0]) and not (above and fit[0].through):
                 fits.append((replace(fit[0], above=above), fit[1]))

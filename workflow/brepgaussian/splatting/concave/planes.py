@@ -121,6 +121,16 @@ def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: flo
     return found
 
 
+def region_on(plane: Plane, vertices: Array, triangles: NDArray[np.int64], tolerance: float) -> PlanarRegion | None:
+    """What lies on a plane that is known, if it is large enough; arguments are those of `planar_regions`."""
+    corners = vertices[triangles]  # (T, 3, 3)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.maximum(np.linalg.norm(cross, axis=1), 1e-15)
+    near = np.abs(corners.mean(axis=1) @ plane.normal - plane.offset) < tolerance
+    on = np.flatnonzero(near & (cross @ plane.normal > _SAME_DIRECTION * length))
+    return PlanarRegion(plane.normal, plane.offset, on) if length[on].sum() / 2 >= _MINIMUM_AREA else None
+
+
 def _dominant(
     normals: Array, areas: Array, centers: Array, free: NDArray[np.bool_], tolerance: float
 ) -> tuple[Array, NDArray[np.int64]] | None:

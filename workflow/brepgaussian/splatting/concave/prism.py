@@ -50,6 +50,11 @@ class Lattice:
         columns = (np.arange(self.shape[1]) + 0.5) * self.pitch
         return self.origin + rows[:, None, None] * self.first + columns[None, :, None] * self.second
 
+    def widened(self, cells: int) -> "Lattice":
+        """The same with so many cells more on every side."""
+        corner = self.origin - cells * self.pitch * (self.first + self.second)
+        return replace(self, origin=corner, shape=(self.shape[0] + 2 * cells, self.shape[1] + 2 * cells))
+
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """(N, 2) fractional cell indices (a cell's centre has integer ones) and (N,) heights along the normal."""
         offset = points - self.origin

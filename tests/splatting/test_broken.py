@@ -1,0 +1,100 @@
+"""Pockets with a notch in their rim: the lid that is left tells the whole opening, and the notch is none of it."""
+
+import numpy as np
+import pytest
+from brepgaussian.splatting.concave import broken
+from brepgaussian.splatting.concave.broken import broken_rims
+from brepgaussian.splatting.concave.draw import around, border_of
+from brepgaussian.splatting.concave.openings import LID, WALL, Stack
+from brepgaussian.splatting.concave.planes import Plane, region_on
+from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.volume import Volume
+from scipy import ndimage
+
+PITCH, SHAPE, TOP = 0.005, (160, 120), 0.5
+ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
+FACE = (ROWS >= 30) & (ROWS < 130) & (COLUMNS >= 30) & (COLUMNS < 90)
+POCKET = (ROWS >= 40) & (ROWS < 120) & (COLUMNS >= 40) & (COLUMNS < 80)
+NOTCH = (ROWS >= 120) & (ROWS < 130) & (np.abs(COLUMNS - 60) < 8)
+OPENED = NOTCH | POCKET & (60 + 4 * np.abs(COLUMNS - 66) < ROWS) & (COLUMNS < 78)  # a wedge through the notch
+LEFT = FACE & ~ndimage.binary_erosion(OPENED, iterations=2)  # of the face, to within the hull's roughness
+LATTICE = Lattice(np.array([0, 0, TOP]), *np.eye(3), PITCH, SHAPE)
+
+
+def hull():
+    """A block under the face, whose top is .1 lower where it is opened."""
+    steps = np.arange(0, 0.85, PITCH)
+    x, y, z = np.meshgrid(steps, steps, steps, indexing="ij")
+    cells = [np.clip((v / PITCH).astype(int), 0, n - 1) for v, n in zip((x, y), SHAPE, strict=True)]
+    top = np.where(OPENED[tuple(cells)], TOP - 0.1, TOP)
+    sides = np.minimum.reduce([x - 0.15, 0.65 - x, y - 0.15, 0.45 - y, z - 0.1])
+    return Volume(np.minimum(sides, top - z).astype(np.float32), np.zeros(3), PITCH)
+
+
+def shown(domain, opened):
+    """What 12 views show: a third of them something else where it is open."""
+    views = np.full((12, *SHAPE), LID, np.uint8)
+    views[::3, opened] = WALL
+    return Stack(LATTICE, domain, views, np.zeros((12, *SHAPE), np.float32), np.zeros(SHAPE))
+
+
+@pytest.fixture
+def looked(monkeypatch):
+    """A face as it is looked at: without what is opened, and with it; no frame is added."""
+    face = shown(LEFT, POCKET & LEFT)
+    monkeypatch.setattr(Lattice, "widened", lambda self, _: self)
+    monkeypatch.setattr(broken, "rectify", lambda *_: face)
+    monkeypatch.setattr(broken, "across", lambda _images, _scene, _lattice, domain: shown(domain, POCKET | NOTCH))
+    return face
+
+
+def test_a_pocket_is_told_by_what_is_left_of_its_lid_and_its_rim(looked):
+    face, whole, outlines = broken_rims(None, hull().scene(), looked, 50 * PITCH**2)
+    assert face is looked
+    assert whole.domain[POCKET].mean() > 0.98
+    (outline,) = outlines
+    assert np.count_nonzero(outline ^ POCKET) < 0.03 * np.count_nonzero(POCKET)
+    assert not outline[ROWS > 121].any()  # the notch
+
+
+def test_a_face_that_nothing_has_opened_stays_as_it_is(looked):
+    solid = Volume(np.minimum(hull().field, 1), np.zeros(3), PITCH)
+    x, y, z = np.meshgrid(*[np.arange(0, 0.85, PITCH)] * 3, indexing="ij")
+    whole = np.minimum.reduce([x - 0.15, 0.65 - x, y - 0.15, 0.45 - y, z - 0.1, TOP - z]).astype(np.float32)
+    face = shown(FACE, POCKET)
+    assert broken_rims(None, solid.with_field(whole).scene(), face, 50 * PITCH**2) == (face, face, [])
+
+
+def test_what_silhouettes_have_opened_altogether_needs_no_more(looked, monkeypatch):
+    """A gap in a rim without a lid beside it."""
+    bare = shown(LEFT, np.zeros(SHAPE, bool))
+    assert broken_rims(None, hull().scene(), bare, 50 * PITCH**2)[2] == []
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+@pytest.mark.parametrize("radius", [0.0, 12.0])
+def test_a_rectangle_is_told_without_one_of_its_corners(turn, radius):
+    cells = np.stack(np.meshgrid(np.arange(200.0), np.arange(160.0), indexing="ij"), axis=-1) - (100, 80)
+    turned = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    cells = np.abs(cells @ turned)
+    beyond = cells - (60 - radius, 40 - radius)
+    inside = np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0) <= radius
+    places = border_of(inside)
+    left = places[np.linalg.norm(places - (100, 80) - turned @ (60, 40), axis=1) > 30]
+    assert len(left) < len(places)
+    section = around(left)
+    assert section.center == pytest.approx((100, 80), abs=0.5)
+    assert sorted(section.shape.half) == pytest.approx([40, 60], abs=0.6)
+
+
+def test_what_lies_on_a_known_plane():
+    vertices, triangles = hull().mesh()
+    top = region_on(Plane(np.array([0, 0, 1.0]), TOP), vertices, triangles, PITCH)
+    assert top.area(vertices, triangles) == pytest.approx(np.count_nonzero(FACE & ~OPENED) * PITCH**2, rel=0.1)
+    assert region_on(Plane(np.array([0, 0, 1.0]), TOP + 0.1), vertices, triangles, PITCH) is None
+    assert region_on(Plane(np.array([0, 0, -1.0]), -TOP), vertices, triangles, PITCH) is None
+
+
+def test_a_widened_lattice_has_the_same_cells():
+    wider = LATTICE.widened(3)
+    np.testing.assert_allclose(wider.centers()[3:-3, 3:-3], LATTICE.centers(), atol=1e-12)
