@@ -218,6 +218,7 @@ def test_tidy_keeps_a_small_face_beside_exact_ones():
     assert [p.primitive for p in tidy([*patches, small], 0.0005)] == [0, 1, 2, 3]
     poor = replace(small, sigma=0.002)
     assert [p.primitive for p in tidy([*patches, poor], 0.0005)] == [0, 1, 2]
+    assert [p.primitive for p in tidy([*patches, poor], 0.0005, all_of_them=True)] == [0, 1, 2, 3]
 
 
 def test_an_extended_torus_goes_all_the_way_round():

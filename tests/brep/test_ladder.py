@@ -123,6 +123,20 @@ def test_another_labelling_mends_what_the_first_joins(kit, worker, seed):
     assert set(outcome.report["explained"]) == {str(k) for k in range(7)}
 
 
+def test_small_faces_that_look_poor_are_tried_where_a_solid_is_refused(kit):
+    """A small face of a thousandth off among faces that are exact."""
+    known = kit.block_with_hole(sigma=1e-4, count=12000, seed=9)
+    items = list(known.primitives.items)
+    items[1] = replace(items[1], support=items[1].support[:30])
+    xyz = known.points.xyz.copy()
+    xyz[items[1].support] += 2e-3 * np.random.default_rng(9).normal(size=(30, 3)).astype(np.float32)
+    points, primitives = replace(known.points, xyz=xyz), replace(known.primitives, items=tuple(items))
+    job = make_job(kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5]))), points, primitives, SETTINGS)
+    first = next(other_jobs(points, primitives, job))
+    assert len(job.patches) == 6
+    assert len(first.patches) == 7
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_senseless_primitives_still_close(kit, worker, seed):
     rng = np.random.default_rng(seed)

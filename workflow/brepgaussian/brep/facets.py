@@ -28,7 +28,7 @@ def facets_as_fillets(patches: Sequence[Patch], noise: float, rng: np.random.Gen
     """
     for i, j in combinations(range(len(patches)), 2):
         pair = [patches[i], patches[j]]
-        if not _MOST_TURN < _turn(*pair) < _LEAST_TURN or not touch(*pair):
+        if not _MOST_TURN < _turn(pair[0], pair[1]) < _LEAST_TURN or not touch(pair[0], pair[1]):
             continue
         around = sorted({*neighbours(i, patches), *neighbours(j, patches)} - {i, j})
         for kind in _KINDS:

@@ -64,10 +64,16 @@ def make_job(views: Views, points: Points, primitives: Primitives, settings: Bre
     return _job(points, primitives, silhouettes, settings)
 
 
-def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None, settings: BrepSettings) -> Job:
+def _job(
+    points: Points,
+    primitives: Primitives,
+    silhouettes: Silhouettes | None,
+    settings: BrepSettings,
+    poor_too: bool = False,
+) -> Job:
     patches = make_patches(primitives.items, points, settings.max_reach)
     if settings.tidy:
-        patches = tidy(patches, PrimitivesSettings().sigma_floor)
+        patches = tidy(patches, PrimitivesSettings().sigma_floor, poor_too)
     borders = open_points(patches)
     caps, floors = find_caps(patches, borders, settings.seed), floors_of_bores(patches, borders)
     ends = np.concatenate([*(p.xyz[b] for p, b in zip(patches, borders, strict=True)), np.zeros((0, 3))])
@@ -79,7 +85,12 @@ def _job(points: Points, primitives: Primitives, silhouettes: Silhouettes | None
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Iterable[Points] = ()) -> Iterator[Job]:
-    """Jobs of other explanations of the points, of other labellings and what explains these, and afresh."""
+    """Jobs of all primitives, of other explanations of the points, of other labellings and what explains these, and
+    afresh.
+    """
+    every = _job(points, primitives, job.silhouettes, job.settings, poor_too=True)
+    if len(every.patches) > len(job.patches):
+        yield every
     yield from _explanations(job, primitives.sigma)
     settings = PrimitivesSettings()
     for number, labelled in enumerate(labellings, 1):

@@ -22,18 +22,20 @@ _POOR_SHARE = 0.004  # of all points: fewer on a poor fit are left out
 _POOR_SIGMAS = 1.8
 
 
-def tidy(patches: Sequence[Patch], least: float) -> list[Patch]:
+def tidy(patches: Sequence[Patch], least: float, all_of_them: bool = False) -> list[Patch]:
     """Join patches of one surface (the better surface stays) and leave out poor small ones.
 
     Args:
         patches: to be tidied.
         least: believable noise, unit frame: beside patches without any, a tiny residual is not poor.
+        all_of_them: leave none out: beside walls that points were put on, small faces that they were not look poor.
     """
     if not patches:
         return []
     noise = max(float(np.median([p.sigma for p in patches])), least)
     total = sum(len(p.xyz) for p in patches)
-    result = [p for p in patches if len(p.xyz) >= _POOR_SHARE * total or p.sigma <= _POOR_SIGMAS * noise]
+    few, poor = _POOR_SHARE * total, _POOR_SIGMAS * noise
+    result = [p for p in patches if all_of_them or len(p.xyz) >= few or p.sigma <= poor]
     result.sort(key=lambda p: -len(p.xyz))
     merged = True
     while merged:

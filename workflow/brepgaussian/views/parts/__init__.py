@@ -136,6 +136,8 @@ PARTS: dict[str, PartInfo] = {
     "boss_tray": PartInfo("trays", "a pad and a post on a pocket's floor that end below its rim", TUNED),
     "board_case": PartInfo("trays", "drilled bosses in a case, below its rim", TUNED),
     "post_pan": PartInfo("trays", "posts in a round pan, around a bore", TUNED),
+    "notched_tray": PartInfo("trays", "pads in a pocket whose rim a notch breaks", TUNED),
+    "notched_pan": PartInfo("trays", "a post in a round pocket whose rim a notch breaks, over a square foot", HOLDOUT),
     "sensor_dish": PartInfo("trays", "a square post in a round pocket, below its rim", HOLDOUT),
     "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", HOLDOUT),
 }

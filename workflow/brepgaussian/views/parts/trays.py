@@ -58,3 +58,25 @@ def terminal_box(s: Sizes) -> Part:
     for x in (-1, 1):
         body += Pos(x * length / 6, 0, floor) * Box(wide, long, tall, align=BOTTOM)
     return body - Pos(length / 2, 0, high - s(7)) * Box(3 * wall, s(16), BEYOND, align=BOTTOM)
+
+
+def notched_tray(s: Sizes) -> Part:
+    """A tray with two pads on its floor and a notch through one wall, for a cable."""
+    length, width, high, floor, wall = s(84), s(54), s(24), s(5), 5
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Box(length - 2 * wall, width - 2 * wall, BEYOND, align=BOTTOM)
+    for side in (-1, 1):
+        body += Pos(side * length * 0.26, side * width * 0.15, floor) * Box(s(12), s(14), s(9), align=BOTTOM)
+    return body - Pos(s(10), width / 2, high * 0.58) * Box(s(16), 4 * wall, BEYOND, align=BOTTOM)
+
+
+def notched_pan(s: Sizes) -> Part:
+    """A round pan on a square foot, a post on its floor and a notch through its wall."""
+    radius, high, floor, wall, foot = s(36, 0.1), s(26), s(6), s(6), s(86, 0.05)
+    body = Cylinder(radius, high, align=BOTTOM) + Box(foot, foot, floor, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Cylinder(radius - wall, BEYOND, align=BOTTOM)
+    body += Pos(-radius / 3, 0, floor) * Cylinder(s(7, 0.1), s(10), align=BOTTOM)
+    for x in (-1, 1):
+        for y in (-1, 1):
+            body -= Pos(x * foot * 0.42, y * foot * 0.42, 0) * Cylinder(s(3, 0.1), BEYOND)
+    return body - Pos(radius, 0, high * 0.6) * Box(radius, s(14), BEYOND, align=BOTTOM)
