@@ -107,7 +107,7 @@ TRAYS = {
     "board_case": (15, 16, 0, 0, 0),
     "post_pan": (6, 6, 0, 0, 0),
     "notched_tray": (24, 0, 0, 0, 0),
-    "notched_pan": (13, 7, 0, 0, 0),
+    "notched_pan": (12, 7, 0, 0, 0),
     "sensor_dish": (12, 3, 0, 0, 0),
     "terminal_box": (24, 4, 0, 0, 0),
 }

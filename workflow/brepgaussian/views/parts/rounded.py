@@ -41,7 +41,7 @@ def rounded_angle(s: Sizes) -> Part:
 
 def hat_bracket(s: Sizes) -> Part:
     """A folded strip, a channel with two flanges, rounded at its inner bends, with holes and a window on top."""
-    top, foot, high, thick, depth = s(34), s(20), s(28), s(5), s(36)
+    top, foot, high, thick, depth = s(34, 0.1), s(20, 0.1), s(28), s(5, 0.05), s(36, 0.1)
     half, outer = top / 2, top / 2 + foot
     points = [(-outer, 0), (-half + thick, 0), (-half + thick, high - thick), (half - thick, high - thick),
               (half - thick, 0), (outer, 0), (outer, thick), (half, thick), (half, high), (-half, high),
@@ -50,7 +50,7 @@ def hat_bracket(s: Sizes) -> Part:
     lines = body.edges().filter_by(Axis.Y).filter_by(GeomType.LINE)
     bends = [(x, z) for side in (-1, 1) for x, z in ((side * half, thick), (side * (half - thick), high - thick))]
     inner = [e for e in lines if any(abs(e.center().X - x) + abs(e.center().Z - z) < 1e-3 for x, z in bends)]
-    body = fillet(inner, s(3.5))
+    body = fillet(inner, s(3.5, 0.05))
     for x in (-1, 1):
-        body -= Pos(x * (half + foot * 0.58), 0, 0) * Cylinder(s(3.6), BEYOND)
-    return body - extrude(RectangleRounded(s(14), s(18), s(3)), BEYOND)
+        body -= Pos(x * (half + foot * 0.58), 0, 0) * Cylinder(s(3.6, 0.05), BEYOND)
+    return body - extrude(RectangleRounded(top * 14 / 34, s(18), s(3)), BEYOND)
