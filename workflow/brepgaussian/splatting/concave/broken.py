@@ -76,9 +76,7 @@ def _completed(outline: Outline, opening: Outline, stack: Stack) -> Outline:
 def _agreed_face(stack: Stack, opening: Outline) -> Outline:
     """(R, C) cells around an opening that nearly all views agree about."""
     near = ndimage.binary_dilation(opening, iterations=2 * _RIM_CELLS) & ~opening & stack.domain
-    face = np.zeros(near.shape, bool)
-    face[near] = stack.agreement[near] >= SURFACE_SHARE
-    return face
+    return np.asarray(near & (stack.agreement >= SURFACE_SHARE))
 
 
 def _gone(scene: Scene, stack: Stack) -> Outline:
@@ -89,7 +87,7 @@ def _gone(scene: Scene, stack: Stack) -> Outline:
     within = convex_hull_image(stack.domain) & ~stack.domain
     open_ = np.zeros(within.shape, bool)
     open_[within] = scene.signed_distance(stack.lattice.centers()[within]) > _GONE_CELLS * pitch
-    labels, count = ndimage.label(ndimage.binary_dilation(open_, iterations=int(_GONE_CELLS)) & within)
+    labels, _ = ndimage.label(ndimage.binary_dilation(open_, iterations=int(_GONE_CELLS)) & within)
     beside = ndimage.binary_dilation(stack.refuted, iterations=_TOUCH_CELLS)
     touching = np.unique(labels[beside & (labels > 0)])
-    return np.isin(labels, touching) & (labels > 0) if count else open_
+    return np.isin(labels, touching)

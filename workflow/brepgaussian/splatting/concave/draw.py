@@ -83,7 +83,7 @@ def refitted(border: Array, section: Section, most_off: float = _MOST_OFF) -> Se
 
 
 def around(places: Array) -> Section | None:
-    """The simplest rectangle with round corners through an places (N, 2) of an outline, some on each side, or None."""
+    """The simplest rectangle with round corners through places (N, 2) of an outline, some on each side, or None."""
     if len(places) < 4 * _LEAST_RADIUS:
         return None
     center, half, angle = _box(places)

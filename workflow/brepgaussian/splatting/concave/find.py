@@ -76,9 +76,7 @@ def find_prisms(
     # of a lid that silhouettes have opened here and there, what is left leans
     rims = [] if floors else [plane for plane in planes if not any(r.normal is plane.normal for r in regions)]
     for rim in filter(None, (region_on(plane, *mesh, 2 * cell) for plane in rims)):
-        stack = rectify(images, scene, lattice_over(rim, mesh, footprint))
-        if broken_rims(images, scene, stack, (_LEAST_WIDTH_PIXELS * footprint) ** 2)[2]:
-            found += _concavities(images, scene, stack)
+        found += _concavities(images, scene, rectify(images, scene, lattice_over(rim, mesh, footprint)), if_broken=True)
 
     def again(lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
         return measure(rectify(images, scene, lattice), outline, images.views.cameras.centers, scene, images.tolerance)
@@ -134,17 +132,25 @@ def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, p
 
 
 def _concavities(
-    images: Images, scene: Scene, stack: Stack, centered: bool = False, floor: Prism | None = None
+    images: Images,
+    scene: Scene,
+    stack: Stack,
+    centered: bool = False,
+    floor: Prism | None = None,
+    if_broken: bool = False,
 ) -> list[tuple[Prism, float]]:
     """What lies under the openings of one face (or under its middle), with what each explains.
 
-    Best told first, none over another. The face may be the floor of a concavity that is known.
+    Best told first, none over another. The face may be the floor of a concavity that is known, or one of which only
+    the rim is left (`if_broken`): then nothing, if that tells no opening.
     """
     cameras = images.views.cameras
     least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
     whole, broken = stack, list[NDArray[np.bool_]]()
     if not centered and floor is None:
         stack, whole, broken = broken_rims(images, scene, stack, least)
+    if if_broken and not broken:
+        return []
     regions = enclosed(stack, least, images.tolerance)
     outlines = openings(stack, least) + regions
     if centered:

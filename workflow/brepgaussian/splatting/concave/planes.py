@@ -99,11 +99,7 @@ def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: flo
         vertices: (K, 3); triangles: (T, 3), counter-clockwise from outside.
         tolerance: distance within which a triangle lies on a plane (the hull's cell).
     """
-    corners = vertices[triangles]  # (T, 3, 3)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(cross, axis=1) / 2
-    normals = cross / np.maximum(2 * areas, 1e-15)[:, None]
-    centers = corners.mean(axis=1)
+    normals, areas, centers = _measures(vertices, triangles)
     free = areas > 0
     found: list[PlanarRegion] = []
     while len(found) < _MAXIMUM_PLANES:
@@ -123,12 +119,18 @@ def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: flo
 
 def region_on(plane: Plane, vertices: Array, triangles: NDArray[np.int64], tolerance: float) -> PlanarRegion | None:
     """What lies on a plane that is known, if it is large enough; arguments are those of `planar_regions`."""
+    normals, areas, centers = _measures(vertices, triangles)
+    near = np.abs(centers @ plane.normal - plane.offset) < tolerance
+    on = np.flatnonzero(near & (normals @ plane.normal > _SAME_DIRECTION))
+    return PlanarRegion(plane.normal, plane.offset, on) if areas[on].sum() >= _MINIMUM_AREA else None
+
+
+def _measures(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    """Unit normals (T, 3), areas (T,) and middles (T, 3) of triangles; zero normals of those without area."""
     corners = vertices[triangles]  # (T, 3, 3)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.maximum(np.linalg.norm(cross, axis=1), 1e-15)
-    near = np.abs(corners.mean(axis=1) @ plane.normal - plane.offset) < tolerance
-    on = np.flatnonzero(near & (cross @ plane.normal > _SAME_DIRECTION * length))
-    return PlanarRegion(plane.normal, plane.offset, on) if length[on].sum() / 2 >= _MINIMUM_AREA else None
+    areas = np.linalg.norm(cross, axis=1) / 2
+    return cross / np.maximum(2 * areas, 1e-15)[:, None], areas, corners.mean(axis=1)
 
 
 def _dominant(
