@@ -79,7 +79,7 @@ def train_stage1(
         features=trained.features,
     )
     if settings.edge_cloud:
-        evidence = add_edges(evidence, views, float(np.median(masks.noise)), trained.hull, settings)
+        evidence = add_edges(evidence, surfels, views, float(np.median(masks.noise)), trained.hull, settings)
     surfels.write(out_ply)
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
 
@@ -92,13 +92,16 @@ def face_ids(trained: "Trained", surfels: Surfels) -> NDArray[np.int32]:
     return np.where((faces < 0) & (walls >= 0), len(trained.faces) + walls, faces).astype(np.int32)
 
 
-def add_edges(evidence: Evidence, views: Views, noise: float, hull: Hull, settings: Stage1Settings) -> Evidence:
+def add_edges(
+    evidence: Evidence, surfels: Surfels, views: Views, noise: float, hull: Hull, settings: Stage1Settings
+) -> Evidence:
     """The evidence with 3D edges and with the places of the hull that fewer than two views see."""
     from brepgaussian.splatting.concave.scene import Scene
-    from brepgaussian.splatting.evidence import concavity_edges, edge_cloud, unobserved
+    from brepgaussian.splatting.evidence import concavity_edges, edge_cloud, unobserved, with_creases
 
     scene = Scene(hull.vertices, hull.triangles)
     cloud = concavity_edges(views, scene, hull.prisms, edge_cloud(views, scene, noise, settings.seed))
+    cloud = with_creases(views, scene, surfels.centers, surfels.normals, cloud)
     points, normals, _ = spread(hull, settings.surfels, settings.seed)
     unseen = unobserved(views, scene, points, normals, hull.spacing)
     logger.info("%d 3D edge points; %.1f %% of the surface unobserved", len(cloud.points), 100 * unseen.mean())
