@@ -75,3 +75,11 @@ def test_rows_of_edges_within_the_outline_are_what_is_shown(convexity, fillets, 
     np.testing.assert_array_equal(found.line, CORNER)
     assert (found.px, found.count, found.footprint) == (0.05, 31, PIXEL)
     assert found.is_sure == sure
+
+
+@pytest.mark.parametrize(
+    ("px", "smooth", "lost"), [(0.3, (2, 7), 0), (0.3, (2, 5), 1), (0.3, (), 1), (0.05, (2, 7), 1)]
+)
+def test_within_a_fillet_only_a_sure_edge_counts(px, smooth, lost):
+    apart = CORNER + np.array([0, 0, 0.05])
+    assert lost_edges(solid(apart), known((ARC, px)), smooth) == lost

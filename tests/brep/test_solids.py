@@ -171,6 +171,36 @@ def test_gate_sees_what_is_wrong(kit):
     assert integrity(block) == ()
 
 
+@pytest.mark.parametrize(("direction", "moved"), [((0, 0, -1.0), True), ((0, 0, 1.0), False)])
+def test_a_label_that_ends_elsewhere_is_a_doubt_about_its_border_only(direction, moved):
+    """A fifth of the top's points lie on the wall below its rim; or they stand in the air above it."""
+    rng = np.random.default_rng(2)
+    corner, across = np.zeros(3), np.eye(3)
+    top = np.column_stack([rng.uniform(0.02, 0.98, (800, 2)), np.ones(800)])
+    beyond = np.column_stack([np.ones(200), rng.uniform(0.02, 0.98, 200), np.ones(200)])
+    beyond += rng.uniform(0.1, 0.3, (200, 1)) * np.array(direction)
+    patches = [
+        Patch(plane(across[2], across[2]), 0, np.concatenate([top, beyond]), np.tile(across[2], (1000, 1)), 0.05, 1e-3)
+    ]
+    for k, (origin, normal) in enumerate(
+        [
+            (corner, -across[2]),
+            (across[0], across[0]),
+            (corner, -across[0]),
+            (across[1], across[1]),
+            (corner, -across[1]),
+        ],
+        start=1,
+    ):
+        xyz = rng.uniform(0.02, 0.98, (1000, 3))
+        xyz += (normal @ (origin - xyz).T)[:, None] * normal
+        patches.append(Patch(plane(origin, normal), k, xyz, np.tile(normal, (1000, 1)), 0.05, 1e-3))
+    verdict = examine(box((0, 0, 0), (1, 1, 1)), patches, None, BrepSettings())
+    assert verdict.doubts == ("patch 0 is explained to 80%",)
+    assert verdict.borders == (verdict.doubts if moved else ())
+    assert verdict.with_moved_borders().doubts == (() if moved else verdict.doubts)
+
+
 def test_samples_are_spread_evenly():
     corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0.0]]])
     points, normals, _, weight = sample_triangles(corners, 0.05)

@@ -36,7 +36,7 @@ def facets_as_fillets(patches: Sequence[Patch], noise: float, rng: np.random.Gen
             made = None if start is None else fillet_between(joined(start, pair), [patches[k] for k in around])
             if made is not None and all(explains(made, p, noise) for p in pair):
                 name = f"patches {pair[0].primitive} and {pair[1].primitive} as one fillet ({kind})"
-                yield Change(name, (i, j), (joined(made, pair),))
+                yield Change(name, (i, j), (joined(made, pair),), smooth=True)
                 break
 
 

@@ -28,6 +28,7 @@ _SHORT_EDGE = 1e-5  # unit frame; shorter edges are debris
 _LEAST_VOLUME = 1e-6
 _MOST_NEAR = 10_000  # points that tell how much of a cloud lies on a solid
 _BEYOND = 1.01  # of a limit at which a search for neighbours ends: the end itself is not found
+_HALF = 0.5  # of a patch is on its own face, or it has hardly one
 _BESIDE = 4  # samples of the solid beside a point: at an edge they lie on two faces
 
 
@@ -64,7 +65,9 @@ def examine(
     near = _Nearness(samples, surfaces, np.array([f.surface for f in structure.faces])[owner[source]], patches)
     low = [i for i, p in enumerate(patches) if explained[i] < settings.gate_explained and not p.cap]
     iou = silhouettes.iou(nodes[triangles]) if silhouettes is not None else None
-    doubts = [f"patch {patches[i].primitive} is explained to {explained[i]:.0%}" for i in low]
+    about = {i: f"patch {patches[i].primitive} is explained to {explained[i]:.0%}" for i in low}
+    doubts = list(about.values())
+    moved = [i for i in low if explained[i] >= _HALF and _covered(patches[i], samples) >= settings.gate_explained]
     if iou is not None and iou < settings.gate_iou:
         doubts.append(f"silhouettes agree to an IoU of {iou:.3f} only")
     if any(f.surface < 0 for f in structure.faces):
@@ -73,6 +76,7 @@ def examine(
     return Verdict(
         faults=(),
         doubts=tuple(doubts),
+        borders=tuple(about[i] for i in moved),
         hints=tuple(hints),
         explained=tuple(float(e) for e in explained),
         explained_all=float(explained @ sizes / max(sizes.sum(), 1)),
@@ -160,6 +164,11 @@ def _within(points: Array, others: Array, limit: float) -> NDArray[np.bool_]:
     return np.asarray(distance <= limit)
 
 
+def _covered(patch: Patch, samples: Array) -> float:
+    """Share of a patch's points beside samples of a solid's faces."""
+    return float(np.mean(_within(patch.xyz, samples, _SPACINGS * SAMPLE_SPACING + _SIGMAS * patch.sigma)))
+
+
 def _explain(
     patches: Sequence[Patch], same: list[int], samples: Array, weight: Array, on: NDArray[np.int64]
 ) -> tuple[Array, float]:
@@ -169,7 +178,6 @@ def _explain(
         own = np.flatnonzero(on == same[index])
         if not len(own) or patch.cap:
             continue
-        limit = _SPACINGS * SAMPLE_SPACING + _SIGMAS * patch.sigma
-        explained[index] = np.mean(_within(patch.xyz, samples[own], limit))
+        explained[index] = _covered(patch, samples[own])
         seen[own[_within(samples[own], patch.xyz, patch.reach + patch.sigma)]] = True
     return explained, float(1 - weight[seen].sum() / max(weight.sum(), 1e-300))

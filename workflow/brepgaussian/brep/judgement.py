@@ -1,7 +1,7 @@
 """What the images have against one solid in the place of another."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from brepgaussian.brep.job import Attempt
@@ -25,12 +25,15 @@ _CHANCE = 1.0  # but for so many limits, or few places,
 _NO_WORSE = 1.05  # times the badness, if the images hardly tell the two apart
 
 
-def against(new: Polished, old: Polished, settings: BrepSettings) -> str:
-    """What the images have against a simpler solid; empty if nothing."""
+def against(new: Polished, old: Polished, settings: BrepSettings, smooth: Collection[int] = ()) -> str:
+    """What the images have against a simpler solid; empty if nothing.
+
+    Surfaces of the old one that are `smooth`, one fillet, have no edge between them, unless images are sure of it.
+    """
     one, other = new.report, old.report
     if one.get("silhouette_px") is None or one.get("mask_iou") is None:
         return "it cannot be judged"
-    lost = lost_edges(new.attempt.verdict.structure, old.shown)
+    lost = lost_edges(new.attempt.verdict.structure, old.shown, smooth)
     if lost:
         return f"{lost} edges that the images show are not edges of it"
     if other.get("silhouette_px") is None or (one["accepted"] and not other["accepted"]):

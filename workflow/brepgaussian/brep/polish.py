@@ -166,6 +166,7 @@ def _rebuilt(
         except (WorkerError, BrepGaussianError) as error:
             fault = fault or str(error)
             continue
+        rebuilt = replace(rebuilt, verdict=rebuilt.verdict.with_moved_borders())
         difference = _difference(attempt, rebuilt)
         lost = _left_out(attempt, rebuilt, settings.gate_explained) if difference else ""
         if difference not in ("", OTHER_TOPOLOGY) or lost:

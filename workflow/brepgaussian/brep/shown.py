@@ -27,6 +27,7 @@ class ShownEdge:
     Attributes:
         line: (S, 3) samples, unit frame; px: median distance from that step; count: of its observations.
         footprint: size of a pixel there, unit frame.
+        surfaces: indices of the surfaces that meet in it.
         arc: whether a fillet ends there, on convex ground (in valleys light fades towards the edge, and the step that
             views show lies pixels beside it): the corner that it rounds off is nearly as good.
     """
@@ -36,6 +37,7 @@ class ShownEdge:
     count: int
     footprint: float
     arc: bool = False
+    surfaces: tuple[int, int] = (-1, -1)
 
     @property
     def is_sure(self) -> bool:
@@ -62,16 +64,34 @@ def shown_edges(
     found = []
     for row in rows:
         kind, index = str(row["name"]).rsplit(" ", 1)
-        if kind == "edge" and row["interior_px"] is not None and row["interior_px"] < _SHOWN_PX:
+        if kind == "edge" and _is_step(row):
             edge = structure.edges[int(index)]
             rolled = any(i in fillets for i in edge.surfaces)
             px, count = float(row["interior_px"]), int(row["interior"])
-            found.append(ShownEdge(edge.polyline, px, count, footprint, edge.convexity == CONVEX and rolled))
+            arc = edge.convexity == CONVEX and rolled
+            found.append(ShownEdge(edge.polyline, px, count, footprint, arc, edge.surfaces))
     return tuple(found)
 
 
-def lost_edges(structure: Structure | None, known: Sequence[ShownEdge]) -> int:
-    """Number of edges that the images show and a solid lacks."""
+def is_shown(row: Mapping[str, Any]) -> bool:
+    """Whether silhouettes or steps of luminance show an edge, by its row of the acceptance test."""
+    return row["silhouette_px"] is not None or _is_step(row)
+
+
+def _is_step(row: Mapping[str, Any]) -> bool:
+    return row["interior_px"] is not None and row["interior_px"] < _SHOWN_PX
+
+
+def lost_edges(structure: Structure | None, known: Sequence[ShownEdge], smooth: Collection[int] = ()) -> int:
+    """Number of edges that the images show and a solid lacks.
+
+    Args:
+        structure: of the solid; without one it lacks all.
+        known: that the images show.
+        smooth: surfaces of another solid that are one smooth face in this one. Light grows over a fillet, and some
+            step is found beside every line in it: one counts only where images know it to a fraction of a pixel.
+    """
+    known = [e for e in known if e.px < _SURE_PX or not set(e.surfaces) <= set(smooth)]
     edges = [] if structure is None else structure.edges
     sharp = [e.polyline for e in edges if e.convexity != SMOOTH]
     if not sharp:

@@ -48,11 +48,15 @@ class Change:
         name: for the report.
         gone: indices of patches that it replaces.
         new: what takes their place; empty if they are left out.
+        excused: share of all points that may leave the solid with them.
+        smooth: whether the patches that it replaces are taken to meet smoothly.
     """
 
     name: str
     gone: tuple[int, ...]
     new: tuple[Patch, ...]
+    excused: float = 0.0
+    smooth: bool = False
 
 
 def proposals(patches: Sequence[Patch], noise: float, seed: int, refined: Sequence[Surface] = ()) -> list[Change]:

@@ -23,6 +23,7 @@ from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.slants import refused_slants, slants
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import carried
+from brepgaussian.brep.unshown import unshown
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
@@ -67,13 +68,23 @@ class Trials:
         if self.best.report.get("accepted") is False:
             self._edged()
         self.bordered()
+        self._simplified()
+        for step in (self._mended, self._rounded):
+            before = self.best
+            step()
+            if self.best is not before:  # what is right now may show that other faces are one
+                settings = self.job.settings
+                self.left = self.left.other(settings.simplify_solids, settings.simplify_trials)
+                self.refused.clear()
+                self._simplified()
+        return self._noted()
+
+    def _simplified(self) -> None:
+        """Try simpler solids until none is taken."""
         while not self.left.spent:
             changes = [c for c in self._proposals() if c.name not in self.refused]
             if not changes or not any(self._tried(group) for group in self._groups(changes)):
                 break
-        self._mended()
-        self._rounded()
-        return self._noted()
 
     def bordered(self) -> Polished:
         """Try other borders between fillets and the faces beside them."""
@@ -142,10 +153,12 @@ class Trials:
 
     def _refused(self) -> tuple[Structure, Sequence[Mapping[str, Any]]] | None:
         """The structure and the table of edges of a solid that the images refuse."""
+        return self._judged() if self.best.report.get("accepted") is False else None
+
+    def _judged(self) -> tuple[Structure, Sequence[Mapping[str, Any]]] | None:
+        """The structure and the table of edges of a solid that the images have judged."""
         details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
-        if self.best.report.get("accepted") is not False or not details or structure is None:
-            return None
-        return structure, details["edges"]
+        return None if not details or structure is None else (structure, details["edges"])
 
     def _fillets(self) -> list[Change]:
         """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
@@ -163,6 +176,8 @@ class Trials:
         patches, noise, seed = self.job.patches, self._noise(), self.job.settings.seed
         found = proposals(patches, noise, seed, self.best.attempt.surfaces)
         found += facets_as_fillets(patches, noise, np.random.default_rng(seed))
+        known = self._judged()
+        found += [] if known is None else unshown(known[0], patches, known[1])
         rolled = {b.patch for b in self.job.blends}
         return [c for c in found if not (c.new and rolled & set(c.gone))]
 
@@ -250,7 +265,7 @@ class Trials:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
                 fault = "no simpler"
-            elif simpler and _explains_less(verdict, before, slack):
+            elif simpler and _explains_less(verdict, before, slack + sum(c.excused for c in changes)):
                 fault = "the points are explained less"
             elif _off(verdict, before, job.settings):
                 fault = "silhouettes are off by far"
@@ -258,7 +273,12 @@ class Trials:
                 self.left.refined()
                 polished = polish(self.worker, job, rung, attempt, self.views)
                 known |= {shape} if polished.report.get("refined") else set()
-                fault = (against if simpler else short_of)(polished, self.best, job.settings)
+                smooth = {i for change in changes if change.smooth for i in change.gone}
+                fault = (
+                    against(polished, self.best, job.settings, smooth)
+                    if simpler
+                    else short_of(polished, self.best, job.settings)
+                )
                 if fault and enough is not None and enough(polished.report, self.best.report, job.settings):
                     fault = ""
                 if not fault:

@@ -1,6 +1,6 @@
 """The gate's findings about one solid. Imports no OCP."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from brepgaussian.brep.structure import Structure
 
@@ -16,6 +16,8 @@ class Verdict:
     Attributes:
         faults: why the solid cannot be published at all (empty if it can).
         doubts: why another rung must be tried.
+        borders: doubts about patches all of whose points lie on the solid, some of them on the faces beside: their
+            labels end elsewhere than their faces.
         hints: why a rung that makes up for missing points may be better.
         explained: share of each patch's points that lie on a face of its surface.
         explained_all: the same over all points.
@@ -30,6 +32,7 @@ class Verdict:
 
     faults: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    borders: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
     explained: tuple[float, ...] = ()
     explained_all: float = 0.0
@@ -43,6 +46,10 @@ class Verdict:
     vertices: int = 0
     volume: float = 0.0
     structure: Structure | None = field(default=None, compare=False)
+
+    def with_moved_borders(self) -> "Verdict":
+        """Without doubts about borders: where faces end, images know better than labels."""
+        return replace(self, doubts=tuple(d for d in self.doubts if d not in self.borders), borders=())
 
     @property
     def score(self) -> float:

@@ -1,0 +1,47 @@
+"""Faces that no image shows are proposed to be left out, others are not."""
+
+import numpy as np
+from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Face, Structure
+from brepgaussian.brep.unshown import unshown
+from brepgaussian.geometry.surfaces import plane
+
+LINE = np.zeros((2, 3))
+
+
+def edge(first, second, convexity=CONVEX):
+    return Edge((first, second), (first, second), "line", LINE, convexity, (0, 1), (0.0, 1.0), False)
+
+
+def row(index, silhouette=None, interior=None):
+    return {"name": f"edge {index}", "silhouette_px": silhouette, "interior_px": interior, "interior": 9}
+
+
+def patch(primitive, count):
+    xyz = np.zeros((count, 3))
+    return Patch(plane(np.zeros(3), np.eye(3)[2]), primitive, xyz, xyz + np.eye(3)[2], 0.01, 0.001)
+
+
+def case(rows, counts=(1000, 1000, 30), edges=None):
+    edges = edges or (edge(0, 1), edge(0, 2, CONCAVE), edge(1, 2, CONCAVE))
+    structure = Structure(tuple(Face(k, 1.0, np.zeros(3)) for k in range(3)), tuple(edges), ())
+    return unshown(structure, [patch(10 + k, n) for k, n in enumerate(counts)], rows)
+
+
+def test_a_small_face_without_a_shown_edge_is_proposed_with_its_points():
+    (found,) = case([row(0, 0.02), row(1), row(2, None, 3.0)])
+    assert found.gone == (2,)
+    assert found.new == ()
+    assert found.excused == 30 / 2030
+    assert "patch 12" in found.name
+
+
+def test_a_silhouette_or_a_step_of_luminance_shows_a_face():
+    assert case([row(0, 0.02), row(1, 0.05), row(2)]) == []
+    assert case([row(0, 0.02), row(1), row(2, None, 0.2)]) == []
+
+
+def test_a_large_face_and_one_with_smooth_edges_only_stay():
+    assert case([row(0, 0.02), row(1), row(2)], counts=(1000, 1000, 300)) == []
+    smooth = (edge(0, 1), edge(0, 2, SMOOTH), edge(1, 2, SMOOTH))
+    assert case([row(0, 0.02), row(1), row(2)], edges=smooth) == []
