@@ -143,3 +143,26 @@ def test_one_solid_of_two_rungs_is_refined_once(part, monkeypatch):
     assert not one._tried([Change("something else", (), ())], simpler=False)
     assert asked == ["support"]
     assert one.notes[0]["fault"].startswith("the images agree little better")
+
+
+@pytest.mark.parametrize(("mended", "expected"), [(True, ["simpler", "mend", "simpler"]), (False, ["simpler", "mend"])])
+def test_what_a_mend_puts_right_is_simplified_again(part, monkeypatch, mended, expected):
+    asked = []
+
+    def simplified(one):
+        asked.append("simpler")
+        one.refused.add("two floors as one plane")
+
+    def mend(one):
+        asked.append("mend")
+        if mended:
+            one.best = Polished(one.best.attempt, {"accepted": True})
+
+    for name, step in {"bordered": None, "_rounded": None, "_simplified": simplified, "_mended": mend}.items():
+        monkeypatch.setattr(trials.Trials, name, step or (lambda one: None))
+    best = Polished(Attempt("support", b"solid", Verdict((), iou=0.99)), {"accepted": True})
+    job = make_job(*part, SETTINGS)
+    one = trials.Trials(None, None, job, Rung("support", 0.04), best, Budget(0, 0))
+    assert one.run().report == {"accepted": True}
+    assert asked == expected
+    assert one.left.refinements == (SETTINGS.simplify_trials if mended else 0)
