@@ -1,6 +1,6 @@
 """Bundled parts with wheels' hubs, or with most of their edges rounded."""
 
-from build123d import Axis, Box, Cylinder, GeomType, Part, Pos, RectangleRounded, Rot, extrude, fillet
+from build123d import Axis, Box, Cylinder, GeomType, Part, Pos, RectangleRounded, Rot, SlotOverall, extrude, fillet
 
 from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
 from brepgaussian.views.parts.sizes import Sizes
@@ -54,3 +54,23 @@ def hat_bracket(s: Sizes) -> Part:
     for x in (-1, 1):
         body -= Pos(x * (half + foot * 0.58), 0, 0) * Cylinder(s(3.6, 0.05), BEYOND)
     return body - extrude(RectangleRounded(top * 14 / 34, s(18), s(3)), BEYOND)
+
+
+def offset_sheet(s: Sizes) -> Part:
+    """A thin sheet folded twice, rounded inside and outside, two holes in either leg and a slot in the web."""
+    low, high, rise, thick, depth = s(26, 0.1), s(31, 0.1), s(25, 0.1), s(3, 0.1), s(30, 0.1)
+    back, inside = low - thick, s(2, 0.1)
+    points = [(0, 0), (low, 0), (low, rise - thick), (low + high, rise - thick), (low + high, rise), (back, rise),
+              (back, thick), (0, thick)]  # fmt: skip
+    body = profile(*points, depth=depth)
+    lines = body.edges().filter_by(Axis.Y)
+    for bends, radius in ((((low, rise - thick), (back, thick)), inside), (((low, 0), (back, rise)), inside + thick)):
+        edges = [e for e in lines if any(abs(e.center().X - x) + abs(e.center().Z - z) < 1e-3 for x, z in bends)]
+        body = fillet(edges, radius)
+        lines = body.edges().filter_by(Axis.Y)
+    hole = s(2.6, 0.1)
+    for x in (low * 0.42, low + high * 0.55):
+        for y in (-1, 1):
+            body -= Pos(x, y * depth * 0.27, 0) * Cylinder(hole, BEYOND)
+    slot = extrude(SlotOverall(s(14, 0.1), s(5, 0.1)), 4 * thick, both=True)
+    return body - Pos(low, 0, rise / 2) * Rot(0, 90, 0) * Rot(0, 0, 90) * slot

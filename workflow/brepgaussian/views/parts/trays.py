@@ -1,6 +1,6 @@
 """Bundled parts with bosses that stand in a pocket and end below its rim."""
 
-from build123d import Box, Cylinder, Part, Pos, RectangleRounded, Rot, extrude
+from build123d import Box, Cylinder, Part, Pos, RectangleRounded, RegularPolygon, Rot, extrude
 
 from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
 from brepgaussian.views.parts.sizes import Sizes
@@ -80,3 +80,25 @@ def notched_pan(s: Sizes) -> Part:
         for y in (-1, 1):
             body -= Pos(x * foot * 0.42, y * foot * 0.42, 0) * Cylinder(s(3, 0.1), BEYOND)
     return body - Pos(radius, 0, high * 0.6) * Box(radius, s(14), BEYOND, align=BOTTOM)
+
+
+def slotted_cup(s: Sizes) -> Part:
+    """A round cup on a hexagon, with a slot in its wall and three holes through its floor."""
+    radius, high, foot, floor, wall = s(26, 0.08), s(34), s(8, 0.1), s(10, 0.1), s(5, 0.1)
+    body = extrude(RegularPolygon(s(36, 0.06), 6), foot) + Cylinder(radius, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Cylinder(radius - wall, BEYOND, align=BOTTOM)
+    reach, hole = s(10, 0.1), s(2.5)
+    for k in range(3):
+        body -= Rot(0, 0, 120 * k) * Pos(reach, 0, 0) * Cylinder(hole, BEYOND)
+    return body - Pos(0, radius, high * 0.6) * Box(s(11), radius, BEYOND, align=BOTTOM)
+
+
+def spout_pot(s: Sizes) -> Part:
+    """A thin-walled round pot on a flange with four holes, a square spout cut into its wall."""
+    radius, high, flange, thick, wall = s(24, 0.08), s(30), s(36, 0.05), s(6), s(3.5, 0.1)
+    body = Cylinder(flange, thick, align=BOTTOM) + Cylinder(radius, high, align=BOTTOM)
+    body -= Pos(0, 0, thick + s(3)) * Cylinder(radius - wall, BEYOND, align=BOTTOM)
+    reach, hole = (radius + flange) / 2, s(2.2)
+    for k in range(4):
+        body -= Rot(0, 0, 45 + 90 * k) * Pos(reach, 0, 0) * Cylinder(hole, BEYOND)
+    return body - Pos(-radius, 0, high * 0.65) * Box(radius, s(13), BEYOND, align=BOTTOM)
