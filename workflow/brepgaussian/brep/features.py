@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.patches import Patch, next_number
+from brepgaussian.brep.shown import edge_rows
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import CONVEX, Edge, Structure
 from brepgaussian.geometry.chains import resample
@@ -58,10 +59,9 @@ def chamfers(
 def bad_edges(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[int]:
     """Indices of convex edges far from where the images show them."""
     px: dict[int, float] = {}
-    for row in edges:
-        kind, index = str(row["name"]).rsplit(" ", 1)
-        if kind == "edge" and isinstance(row["silhouette_px"], float):
-            px[int(index)] = row["silhouette_px"]
+    for index, row in edge_rows(edges):
+        if isinstance(row["silhouette_px"], float):
+            px[index] = row["silhouette_px"]
     limit = max(_BAD_PX, _SHARE_OF_WORST * max(px.values(), default=0.0))
     return [k for k in sorted(px) if px[k] > limit and structure.edges[k].convexity == CONVEX]
 

@@ -21,6 +21,7 @@ from brepgaussian.brep.polish import Polished, badness, inspect
 from brepgaussian.brep.profiles import grooved, straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
+from brepgaussian.brep.shown import edge_rows
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.brep.skins import ramps, skins
@@ -216,8 +217,8 @@ def _guessed(chosen: Attempt, judged: Mapping[str, Any]) -> int:
     structure, details = chosen.verdict.structure, judged.get("refinement", {})
     if structure is None or not details:
         return 0
-    rows = [row for row in details["edges"] if row["silhouette_px"] is not None or row["interior_px"] is not None]
-    told = [int(name) for kind, name in (str(row["name"]).rsplit(" ", 1) for row in rows) if kind == "edge"]
+    rows = edge_rows(details["edges"])
+    told = [k for k, row in rows if row["silhouette_px"] is not None or row["interior_px"] is not None]
     seen = {face for edge in told for face in structure.edges[edge].faces}
     primitives = [chosen.primitives[f.surface] if f.surface >= 0 else 0 for f in structure.faces]
     return sum(primitive < 0 and face not in seen for face, primitive in enumerate(primitives))

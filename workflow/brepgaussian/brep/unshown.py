@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.shown import is_shown
+from brepgaussian.brep.shown import edge_rows, is_shown
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import SMOOTH, Structure
 
@@ -23,12 +23,12 @@ def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapp
         patches: that it is made of, in the order of its surfaces.
         edges: the acceptance test's table of edges.
     """
-    shown = {str(row["name"]) for row in edges if is_shown(row)}
+    shown = {index for index, row in edge_rows(edges) if is_shown(row)}
     total = sum(len(p.xyz) for p in patches)
     found = []
     for index, patch in enumerate(patches):
         own = [k for k, e in enumerate(structure.edges) if index in e.surfaces and e.convexity != SMOOTH]
         share = len(patch.xyz) / total
-        if own and share <= _MOST and not any(f"edge {k}" in shown for k in own):
+        if own and share <= _MOST and shown.isdisjoint(own):
             found.append(Change(f"without patch {patch.primitive}, which no image shows", (index,), (), share))
     return found

@@ -51,7 +51,7 @@ def settle(
     for _ in range(sweeps):
         near, spacing = _neighbours(points, directions)
         reach = _RINGS[-1] * spacing
-        u, v = _tangents(directions)
+        u, v = tangents(directions)
         frame = np.stack([u, v, directions], axis=2)  # (N, 3, 3) columns u, v, n
         local = (points[near] - points[:, None]) @ frame / reach  # (N, K, 3)
         other = directions[near] @ frame  # neighbours' normals in the frame
@@ -98,7 +98,7 @@ def _neighbours(points: Array, normals: Array) -> tuple[NDArray[np.intp], float]
     tree = cKDTree(points)
     distance, nearest = tree.query(points, min(_PER_RING + 1, len(points)))
     spacing = float(np.median(distance[:, 1]))
-    u, v = _tangents(normals)
+    u, v = tangents(normals)
     found = [nearest]
     for ring, radius in enumerate(_RINGS):
         angles = 2 * np.pi * (np.arange(_PER_RING) + ring / len(_RINGS)) / _PER_RING
@@ -108,7 +108,7 @@ def _neighbours(points: Array, normals: Array) -> tuple[NDArray[np.intp], float]
     return np.concatenate(found, axis=1), spacing
 
 
-def _tangents(normals: Array) -> tuple[Array, Array]:
+def tangents(normals: Array) -> tuple[Array, Array]:
     """(N, 3), (N, 3) unit vectors that complete normals to right-handed frames."""
     axis = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     u = np.cross(normals, axis)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.evidence.edges import EdgeCloud, visible
+from brepgaussian.splatting.evidence.edges import APART, EdgeCloud, one_a_cell
+from brepgaussian.splatting.settle import tangents
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -38,15 +39,12 @@ _BENT = 0.5  # a side is curved where that leaves less than this share of the re
 _ROUNDS, _FITS = 4, 3
 _OUTLIER = 4.0  # residuals, of their mean
 _FINE = 1e-2  # below this no residual is an outlier
+_PARALLEL = 0.98  # cosine; planes that turn by less are taken to turn by this: they meet far off
 _MOVED = 1.0  # from where the point was started
 _ROUGH = 0.002  # unit frame; mean residual of a side
 _AROUND = 3.0  # surfels within this, those next to the edge left out, tell an edge from a bend
 _EITHER = 0.3  # normals that turn so far from either side's, of the turn between both, are between them or beyond
 _BETWEEN = 0.35  # most surfels with such normals: on a cylinder of small radius they are two thirds
-
-_LEAST_VIEWS = 2
-_KNOWN = 0.004  # unit frame; edges nearer than this, which the images show, are better
-_APART = 0.0015  # unit frame; closer points are one
 
 
 def with_creases(views: Views, scene: Scene, centers: Floats, normals: Floats, cloud: EdgeCloud) -> EdgeCloud:
@@ -61,13 +59,7 @@ def with_creases(views: Views, scene: Scene, centers: Floats, normals: Floats, c
     points, directions = creases(centers, normals)
     if not len(points):
         return cloud
-    count = visible(views.cameras, points, scene).sum(axis=0)
-    kept = (count >= _LEAST_VIEWS) & _unknown(points, cloud.points)
-    return EdgeCloud(
-        np.concatenate([cloud.points, points[kept].astype(np.float32)]),
-        np.concatenate([cloud.directions, directions[kept].astype(np.float32)]),
-        np.concatenate([cloud.views, count[kept].astype(np.int16)]),
-    )
+    return cloud.completed(views.cameras, scene, points, directions)
 
 
 def creases(centers: Floats, normals: Floats) -> tuple[Array, Array]:
@@ -87,7 +79,7 @@ def creases(centers: Floats, normals: Floats) -> tuple[Array, Array]:
     if spacing == 0:
         return nothing
     start, pair = _pairs(tree, places, facing, spacing)
-    chosen = _one_a_cell(start, _START * spacing)
+    chosen = one_a_cell(start, _START * spacing)
     start, first, second = start[chosen], facing[pair[chosen, 0]], facing[pair[chosen, 1]]
     if not len(start):
         return nothing
@@ -96,13 +88,13 @@ def creases(centers: Floats, normals: Floats) -> tuple[Array, Array]:
         near = _Near.of(points, tree, places, facing, spacing)
         one, other = near.side(first), near.side(second)
         first, second = one.normal, other.normal
-        points = points + np.clip(_meet(one, other), -spacing, spacing)
+        points = points + np.clip(_onto_both(first, second, one.below, other.below), -spacing, spacing)
     good = (np.minimum(one.count, other.count) >= _LEAST) & (np.maximum(one.residual, other.residual) < _ROUGH)
     good &= np.abs(np.einsum("ni,ni->n", first, second)) < _TURN
     good &= np.linalg.norm(points - start, axis=1) < _MOVED * spacing
     good &= near.between(first, second) < _BETWEEN
     points, tangents = points[good], np.cross(first[good], second[good])
-    kept = _one_a_cell(points, _APART)
+    kept = one_a_cell(points, APART)
     return points[kept], tangents[kept] / np.linalg.norm(tangents[kept], axis=1, keepdims=True)
 
 
@@ -111,13 +103,10 @@ def _pairs(tree: "cKDTree", centers: Array, normals: Array, spacing: float) -> t
     i, j = tree.query_pairs(_PAIR * spacing, output_type="ndarray").T
     cosine = np.einsum("ni,ni->n", normals[i], normals[j])
     turned = np.abs(cosine) < _TURN
-    i, j, cosine = i[turned], j[turned], cosine[turned]
+    i, j = i[turned], j[turned]
     middle = (centers[i] + centers[j]) / 2
-    ahead = np.einsum("ni,ni->n", normals[i], centers[i] - middle)
-    beyond = np.einsum("ni,ni->n", normals[j], centers[j] - middle)
-    square = 1 - cosine**2
-    points = middle + ((ahead - cosine * beyond) / square)[:, None] * normals[i]
-    points += ((beyond - cosine * ahead) / square)[:, None] * normals[j]
+    below = (np.einsum("ni,ni->n", normals[k], centers[k] - middle) for k in (i, j))
+    points = middle + _onto_both(normals[i], normals[j], *below)
     far = np.maximum(np.linalg.norm(points - centers[i], axis=1), np.linalg.norm(points - centers[j], axis=1))
     near = far < _PAIR * spacing
     return points[near], np.column_stack([i[near], j[near]])
@@ -167,7 +156,7 @@ class _Near:
         mean = np.einsum("mk,mki->mi", weight, self.normals)
         length = np.linalg.norm(mean, axis=1, keepdims=True)
         mean = np.where(length > 1e-9, mean / np.maximum(length, 1e-9), normal)
-        first, second = _tangents(mean)
+        first, second = tangents(mean)
         u, v, z = (np.einsum("mki,mi->mk", self.offsets, axis) for axis in (first, second, mean))
         flat, flat_residual = _fitted(u, v, z, weight, _FLAT)
         bent, bent_residual = _fitted(u, v, z, weight, _CURVED)
@@ -193,32 +182,9 @@ def _fitted(u: Array, v: Array, z: Array, weight: Array, stiff: float) -> tuple[
     return np.asarray(fit[..., 0], np.float64), mean
 
 
-def _meet(one: _Side, other: _Side) -> Array:
-    """(M, 3) the shortest way onto both surfaces' tangent planes."""
-    cosine = np.clip(np.einsum("ni,ni->n", one.normal, other.normal), -0.98, 0.98)
+def _onto_both(first: Array, second: Array, below: Array, other_below: Array) -> Array:
+    """(M, 3) the shortest way from points onto two planes each, of unit normals (M, 3), which they lie below (M,)."""
+    cosine = np.clip(np.einsum("ni,ni->n", first, second), -_PARALLEL, _PARALLEL)
     square = 1 - cosine**2
-    first, second = (one.below - cosine * other.below) / square, (other.below - cosine * one.below) / square
-    return first[:, None] * one.normal + second[:, None] * other.normal
-
-
-def _tangents(normal: Array) -> tuple[Array, Array]:
-    """Two (M, 3) unit vectors square to each normal and to each other."""
-    helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normal, first)
-
-
-def _one_a_cell(points: Array, cell: float) -> NDArray[np.int64]:
-    """Indices of one point in each cell of a grid."""
-    _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
-    return np.sort(first)
-
-
-def _unknown(points: Array, known: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(K,) which points lie by none of the known ones."""
-    from scipy.spatial import cKDTree
-
-    if not len(known):
-        return np.ones(len(points), bool)
-    return np.asarray(cKDTree(known).query(points)[0] > _KNOWN)
+    along, across = (below - cosine * other_below) / square, (other_below - cosine * below) / square
+    return np.asarray(along[:, None] * first + across[:, None] * second)

@@ -29,8 +29,10 @@ _LEAST_SHARE = 0.75  # of the views that see it; an edge may be faint in some
 _LEAST_SPREAD = 0.02  # second to largest eigenvalue: views from one side do not tell depth
 _STAY = 1e-3  # weight that keeps a point where it is along the edge
 _HIDDEN = 0.012  # unit frame; an edge is seen past the hull's own roughness by this much
-_APART = 0.0015  # unit frame; closer points are one
+APART = 0.0015  # unit frame; closer points are one
 _ALIKE = 0.6  # cosine between an image edge's normal and the projected edge's
+_LOOKING = 2  # views that see an edge of the geometry, which no image has to show
+_KNOWN = 0.004  # unit frame; edges of the images nearer than this are better
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,26 @@ class EdgeCloud:
     points: NDArray[np.float32]
     directions: NDArray[np.float32]
     views: NDArray[np.int16]
+
+    def completed(self, cameras: Cameras, scene: Scene, points: Array, directions: Array) -> "EdgeCloud":
+        """With edges of the geometry, points (N, 3) and tangents (N, 3), where it has none and two views or more look.
+
+        Args:
+            cameras: of all views.
+            scene: the opened hull, which hides edges.
+            points: on the edges; directions: unit.
+        """
+        from scipy.spatial import cKDTree
+
+        count = visible(cameras, points, scene).sum(axis=0)
+        kept = count >= _LOOKING
+        if len(self.points):
+            kept &= cKDTree(self.points).query(points)[0] > _KNOWN
+        return EdgeCloud(
+            np.concatenate([self.points, points[kept].astype(np.float32)]),
+            np.concatenate([self.directions, directions[kept].astype(np.float32)]),
+            np.concatenate([self.views, count[kept].astype(np.int16)]),
+        )
 
 
 def edge_cloud(views: Views, scene: Scene, noise: float, seed: int = 0) -> EdgeCloud:
@@ -157,6 +179,10 @@ def _jacobian(cameras: Cameras, view: int, points: Array, depth: Array) -> Array
 def _thin(points: Array, count: NDArray[np.int64]) -> NDArray[np.int64]:
     """Indices of points, one a cell, that which most views confirm."""
     order = np.argsort(-count, kind="stable")
-    cells = np.floor(points[order] / _APART).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
-    return np.sort(order[first])
+    return np.sort(order[one_a_cell(points[order], APART)])
+
+
+def one_a_cell(points: Array, cell: float) -> NDArray[np.int64]:
+    """Indices of the first of the points (N, 3) in each cell of a grid, in their order."""
+    _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
+    return np.sort(first)

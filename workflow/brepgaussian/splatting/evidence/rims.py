@@ -10,7 +10,7 @@ from skimage.measure import find_contours
 from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.evidence.edges import EdgeCloud, visible
+from brepgaussian.splatting.evidence.edges import EdgeCloud
 
 Array = NDArray[np.float64]
 
@@ -20,9 +20,7 @@ _SHORTEST = 12  # points of a contour
 _WINDOW = 5  # points to either side that give a contour's direction
 _CORNER = np.radians(35.0)  # turn from one side of a corner to the other
 _STEADY = np.radians(20.0)  # beside a corner a contour turns less; on a circle it turns everywhere
-_LEAST_VIEWS = 2
 _ON_HULL = 0.012  # unit frame; the hull rounds corners
-_KNOWN = 0.004  # unit frame; edges of the images nearer than this are better
 
 
 def concavity_edges(views: Views, scene: Scene, prisms: Sequence[Prism], cloud: EdgeCloud) -> EdgeCloud:
@@ -34,22 +32,12 @@ def concavity_edges(views: Views, scene: Scene, prisms: Sequence[Prism], cloud: 
         prisms: the concavities.
         cloud: triangulated edges.
     """
-    from scipy.spatial import cKDTree
-
     parts = [_edges(prism) for prism in prisms]
     if not parts:
         return cloud
     points, directions = (np.concatenate(column) for column in zip(*parts, strict=True))
-    count = visible(views.cameras, points, scene).sum(axis=0)
     on_hull = np.abs(scene.signed_distance(points)) < _ON_HULL  # another concavity may have cut an edge away
-    kept = (count >= _LEAST_VIEWS) & on_hull
-    if len(cloud.points):
-        kept &= cKDTree(cloud.points).query(points)[0] > _KNOWN
-    return EdgeCloud(
-        np.concatenate([cloud.points, points[kept].astype(np.float32)]),
-        np.concatenate([cloud.directions, directions[kept].astype(np.float32)]),
-        np.concatenate([cloud.views, count[kept].astype(np.int16)]),
-    )
+    return cloud.completed(views.cameras, scene, points[on_hull], directions[on_hull])
 
 
 def _edges(prism: Prism) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, bends, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
@@ -87,18 +87,12 @@ def bent_plate(s: Sizes) -> Part:
               (low - thick, rise), (low - thick, thick), (0, thick)]  # fmt: skip
     body = profile(*points, depth=depth)
     box = body.bounding_box()
-    inner = [e for e in body.edges().filter_by(Axis.Y) if _inner(e.center().X, e.center().Z, low, rise, thick)]
-    body = fillet(inner, s(3))
+    body = fillet(bends(body, (low, rise - thick), (low - thick, thick)), s(3))
     for y in (-1, 1):
         body -= Pos(box.max.X - high * 0.45, y * depth * 0.26, 0) * Cylinder(s(3.2), BEYOND)
     return body - Pos(box.min.X + low * 0.38, 0, 0) * Rot(0, 0, 90) * extrude(
         SlotOverall(s(18), s(6)), BEYOND, both=True
     )
-
-
-def _inner(x: float, z: float, low: float, rise: float, thick: float) -> bool:
-    """Whether an edge along y is at one of the two inner corners."""
-    return abs(x - low) + abs(z - rise + thick) < 1e-3 or abs(x - low + thick) + abs(z - thick) < 1e-3
 
 
 def tee_lever(s: Sizes) -> Part:

@@ -7,6 +7,7 @@ from build123d import (
     Circle,
     Cone,
     Cylinder,
+    Edge,
     Part,
     Plane,
     Polygon,
@@ -27,6 +28,12 @@ def profile(*points: tuple[float, float], depth: float) -> Part:
     """A polygon in the xz plane, given as it is, pulled to +-depth/2 along y."""
     sketch = Plane.XZ * Polygon(*points, align=None)
     return extrude(sketch, depth / 2, both=True)
+
+
+def bends(body: Part, *places: tuple[float, float]) -> list[Edge]:
+    """The edges along y of a profile's body that lie at places (x, z)."""
+    lines = [(edge, edge.center()) for edge in body.edges().filter_by(Axis.Y)]
+    return [e for e, at in lines if any(abs(at.X - x) + abs(at.Z - z) < 1e-3 for x, z in places)]
 
 
 def block_hole(s: Sizes) -> Part:

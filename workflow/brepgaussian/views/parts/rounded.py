@@ -1,8 +1,8 @@
 """Bundled parts with wheels' hubs, or with most of their edges rounded."""
 
-from build123d import Axis, Box, Cylinder, GeomType, Part, Pos, RectangleRounded, Rot, SlotOverall, extrude, fillet
+from build123d import Axis, Box, Cylinder, Part, Pos, RectangleRounded, Rot, SlotOverall, extrude, fillet
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, bends, profile
 from brepgaussian.views.parts.sizes import Sizes
 
 
@@ -47,10 +47,8 @@ def hat_bracket(s: Sizes) -> Part:
               (half - thick, 0), (outer, 0), (outer, thick), (half, thick), (half, high), (-half, high),
               (-half, thick), (-outer, thick)]  # fmt: skip
     body = profile(*points, depth=depth)
-    lines = body.edges().filter_by(Axis.Y).filter_by(GeomType.LINE)
-    bends = [(x, z) for side in (-1, 1) for x, z in ((side * half, thick), (side * (half - thick), high - thick))]
-    inner = [e for e in lines if any(abs(e.center().X - x) + abs(e.center().Z - z) < 1e-3 for x, z in bends)]
-    body = fillet(inner, s(3.5, 0.05))
+    inner = [place for side in (-1, 1) for place in ((side * half, thick), (side * (half - thick), high - thick))]
+    body = fillet(bends(body, *inner), s(3.5, 0.05))
     for x in (-1, 1):
         body -= Pos(x * (half + foot * 0.58), 0, 0) * Cylinder(s(3.6, 0.05), BEYOND)
     return body - extrude(RectangleRounded(top * 14 / 34, s(18), s(3)), BEYOND)
@@ -63,11 +61,8 @@ def offset_sheet(s: Sizes) -> Part:
     points = [(0, 0), (low, 0), (low, rise - thick), (low + high, rise - thick), (low + high, rise), (back, rise),
               (back, thick), (0, thick)]  # fmt: skip
     body = profile(*points, depth=depth)
-    lines = body.edges().filter_by(Axis.Y)
-    for bends, radius in ((((low, rise - thick), (back, thick)), inside), (((low, 0), (back, rise)), inside + thick)):
-        edges = [e for e in lines if any(abs(e.center().X - x) + abs(e.center().Z - z) < 1e-3 for x, z in bends)]
-        body = fillet(edges, radius)
-        lines = body.edges().filter_by(Axis.Y)
+    body = fillet(bends(body, (low, rise - thick), (back, thick)), inside)
+    body = fillet(bends(body, (low, 0), (back, rise)), inside + thick)
     hole = s(2.6, 0.1)
     for x in (low * 0.42, low + high * 0.55):
         for y in (-1, 1):
