@@ -86,6 +86,20 @@ def test_a_rectangle_is_told_without_one_of_its_corners(turn, radius):
     assert sorted(section.shape.half) == pytest.approx([40, 60], abs=0.6)
 
 
+@pytest.mark.parametrize("gap", [0.3, 0.8])
+def test_a_circle_is_told_without_an_arc_of_it_and_with_a_chord_beside_that(gap):
+    """A round pocket whose wall a slot breaks: at the slot's sides the outline leaves the rim for the chord."""
+    cells = np.stack(np.meshgrid(np.arange(160.0), np.arange(160.0), indexing="ij"), axis=-1) - (80.3, 79.6)
+    inside = (np.linalg.norm(cells, axis=-1) <= 60) & (cells[..., 0] <= 60 * np.cos(gap))
+    places = border_of(inside)
+    left = places[np.abs(places[:, 1] - 79.6) > 60 * np.sin(gap) - 4]
+    left = np.concatenate([left, places[(places[:, 0] < 80) & (np.abs(places[:, 1] - 79.6) <= 60 * np.sin(gap) - 4)]])
+    section = around(left)
+    assert section.center == pytest.approx((80.3, 79.6), abs=0.3)
+    assert section.shape.half == pytest.approx((60, 60), abs=0.5)
+    assert section.shape.radius == pytest.approx(60, abs=0.5)
+
+
 def test_what_lies_on_a_known_plane():
     vertices, triangles = hull().mesh()
     top = region_on(Plane(np.array([0, 0, 1.0]), TOP), vertices, triangles, PITCH)

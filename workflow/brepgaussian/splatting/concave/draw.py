@@ -4,7 +4,7 @@ An outline of cells is known to half a cell, and what smooths it rounds its corn
 allows is taken.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,30 +67,41 @@ def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
 
 def refitted(border: Array, section: Section, most_off: float = _MOST_OFF) -> Section | None:
     """The simplest section through places of a border (N, 2), in cells, beginning from another section, or None."""
-    count, best, score = len(border) / _CORRELATED_PLACES, None, np.inf
     before = section.border(len(border))
-    for build, start in _near(section):
-        found = _least_squares(border, build, start)
-        if found is None:
-            continue
-        off = np.abs(found.signed_distance(border))
-        misfit = float(np.sqrt((np.minimum(off, _OUTLIER_CELLS) ** 2).mean()))
-        value = count * np.log(misfit**2 + _LEAST_OFF**2) + len(start) * np.log(count)  # BIC
-        moved = np.abs(found.signed_distance(before)).max()
-        if misfit <= most_off and moved <= _MOST_MOVED and value < score:
-            best, score = replace(found, misfit=misfit), value
-    return best
+    allowed = [
+        found
+        for found in _through(border, _near(section), most_off)
+        if np.abs(found[0].signed_distance(before)).max() <= _MOST_MOVED
+    ]
+    return _simplest(allowed)
 
 
 def around(places: Array) -> Section | None:
-    """The simplest rectangle with round corners through places (N, 2) of an outline, some on each side, or None."""
+    """The simplest rectangle with round corners, a circle too, through places (N, 2) all around an outline, or None."""
     if len(places) < 4 * _LEAST_RADIUS:
         return None
     center, half, angle = _box(places)
     if half.min() < _LEAST_RADIUS:
         return None
-    box = Section((float(center[0]), float(center[1])), angle, Rounded((half[0], half[1]), 0.0))
-    return refitted(places, box, _MOST_MEAN)
+    families = _rectangles(float(center[0]), float(center[1]), angle, float(half[0]), float(half[1]))
+    return _simplest(_through(places, families, _MOST_MEAN))
+
+
+def _through(border: Array, families: Iterable[Family], most_off: float) -> Iterator[tuple[Section, float]]:
+    """Sections that go through places of a border (N, 2) to `most_off` cells, and the evidence against each (BIC)."""
+    count = len(border) / _CORRELATED_PLACES
+    for build, start in families:
+        found = _least_squares(border, build, start)
+        if found is None:
+            continue
+        off = np.abs(found.signed_distance(border))
+        misfit = float(np.sqrt((np.minimum(off, _OUTLIER_CELLS) ** 2).mean()))
+        if misfit <= most_off:
+            yield replace(found, misfit=misfit), count * np.log(misfit**2 + _LEAST_OFF**2) + len(start) * np.log(count)
+
+
+def _simplest(found: Iterable[tuple[Section, float]]) -> Section | None:
+    return min(found, key=lambda one: one[1], default=(None, np.inf))[0]
 
 
 def sure_of(section: Section) -> bool:
