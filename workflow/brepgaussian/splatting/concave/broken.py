@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
-from brepgaussian.splatting.concave.draw import around, border_of
+from brepgaussian.splatting.concave.draw import around, border_of, circle, nearest
 from brepgaussian.splatting.concave.openings import (
     OPENING_CELLS,
     SURFACE_SHARE,
@@ -22,7 +22,9 @@ from brepgaussian.splatting.concave.openings import (
     rectify,
 )
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.sections import Section
 
+Array = NDArray[np.float64]
 Outline = NDArray[np.bool_]
 
 _GONE_CELLS = 2.5  # below the plane the hull is gone: as far as it may be off where it is a face
@@ -31,6 +33,9 @@ _FRAME_CELLS = 24  # around what is left of the face: a rim may be no part of it
 _RIM_CELLS = 4  # between an opening's border and cells of the rim that are clear of its blur
 _LEAST_LID = 0.2  # of an opening is lid; what silhouettes have opened altogether needs no more
 _LEAST_GONE = 0.02  # of an opening is gone
+_NEAR_CELLS = 2.5  # from a disc's border: as far as an outline of cells is wrong
+_ROUNDS = 3  # of fits to what lies near
+_LEAST_TOLD = 0.4  # of a disc's border: one inscribed into a rectangle touches it in a few cells
 
 
 def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -> tuple[Stack, Stack, list[Outline]]:
@@ -52,9 +57,12 @@ def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -
     for opening in openings(whole, least_area):
         # beside the notch remnants of the lid hang on its walls
         lid = ndimage.binary_opening(opening & face.refuted, iterations=OPENING_CELLS)
-        if lid.sum() < max(_LEAST_LID * opening.sum(), 1):
+        if lid.sum() >= max(_LEAST_LID * opening.sum(), 1):
+            outline = _completed(ndimage.binary_fill_holes(opening & convex_hull_image(lid)), opening, whole)
+        elif lid.sum() * stack.lattice.pitch**2 >= least_area:
+            outline = _inscribed(opening, whole)  # slots that cross it have left little of the lid
+        else:
             continue
-        outline = _completed(ndimage.binary_fill_holes(opening & convex_hull_image(lid)), opening, whole)
         if (outline & gone).sum() >= _LEAST_GONE * outline.sum() and is_framed(whole, outline):
             found.append(outline)
     return (face, whole, found) if found else (stack, stack, [])
@@ -62,14 +70,37 @@ def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -
 
 def _completed(outline: Outline, opening: Outline, stack: Stack) -> Outline:
     """An outline (R, C) with the corners that silhouettes have opened, if the rim that is left tells a section."""
-    places = border_of(outline)
+    section = around(_rim(border_of(outline), opening, stack))
+    return outline & stack.domain if section is None else _within(section, opening, stack)
+
+
+def _inscribed(opening: Outline, stack: Stack) -> Outline:
+    """(R, C) the largest disc in an opening, if arcs of the rim lie on its border; else nothing."""
+    away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
+    middle, radius = np.array(np.unravel_index(int(np.argmax(away)), away.shape), float), float(away.max())
+    rim = _rim(border_of(opening), opening, stack)
+    for _ in range(_ROUNDS):
+        arcs = rim[np.abs(np.linalg.norm(rim - middle, axis=1) - radius) <= _NEAR_CELLS]
+        disc = nearest(arcs, circle, [*middle, radius])
+        if disc is None:
+            return np.zeros_like(opening)
+        middle, radius = np.array(disc.center), -float(disc.signed_distance(np.array(disc.center)))
+    turns = np.unique(np.round(np.arctan2(*(arcs - middle).T) * radius))  # one place for each cell of the border
+    told = len(turns) / (2 * np.pi * radius)
+    return _within(disc, opening, stack) if told >= _LEAST_TOLD else np.zeros_like(opening)
+
+
+def _rim(places: Array, opening: Outline, stack: Stack) -> Array:
+    """Those of places (N, 2) on an opening's border that lie beside a face that views agree about."""
     face = _agreed_face(stack, opening)
     beside = ndimage.distance_transform_edt(~face) if face.any() else np.full(face.shape, np.inf)
     cells = np.clip(np.round(places).astype(int), 0, np.array(face.shape) - 1)
-    section = around(places[beside[tuple(cells.T)] <= _RIM_CELLS])
-    if section is None:
-        return outline & stack.domain
-    lattice = np.moveaxis(np.indices(outline.shape), 0, -1).astype(float)
+    return places[beside[tuple(cells.T)] <= _RIM_CELLS]
+
+
+def _within(section: Section, opening: Outline, stack: Stack) -> Outline:
+    """(R, C) what of a section is open."""
+    lattice = np.moveaxis(np.indices(opening.shape), 0, -1).astype(float)
     return np.asarray(section.signed_distance(lattice) <= 0) & ndimage.binary_fill_holes(opening) & stack.domain
 
 

@@ -41,6 +41,7 @@ _MOST_TURN = np.radians(6)  # of its triangles, rms: faces had up to 4.6 degrees
 _MOST_TRIED = 6  # openings, largest first
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _STEP, _FINEST = 4.0, 0.25  # cells by which planes are moved
+_NEARER = np.arange(0, 1, 0.125)  # of the way that an end was moved
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
 _REACH_VOXELS = 2.0  # rays on which a corner changes less than this don't judge what it cuts
 _LEAST_RAYS = 20  # that do
@@ -118,6 +119,22 @@ class _Sought:
                         best, cost = moved, value
             step = step / 2 if cost == before else step
         return best
+
+    def shortened(self, corner: Corner, first: Corner) -> Corner:
+        """The corner with each end as near to where it was at first as explains the rays about as well.
+
+        Behind an end few rays tell anything, and a little beyond it is the wall of something else.
+        """
+        for k in (2, 3):
+            costs = self.costs(corner)
+            for share in _NEARER:
+                offsets = corner.offsets.copy()
+                offsets[k] = first.offsets[k] + share * (corner.offsets[k] - first.offsets[k])
+                nearer = Corner(corner.lid, corner.normals, offsets)
+                if offsets[k] > corner.offsets[k] and advantage(units_of(self.rays), self.costs(nearer), costs) <= SURE:
+                    corner = nearer
+                    break
+        return corner
 
 
 @dataclass(frozen=True)
@@ -241,7 +258,8 @@ def _measured(
     every = gather(stack, outline, images.views.cameras.centers, scene)
     few = _Sought(stack, every.sample(_FEW_RAYS), len(every), images.tolerance)
     full = _Sought(stack, every.sample(_RAYS), len(every), images.tolerance)
-    best = full.refined(few.refined(min(starts, key=lambda c: summary(*few.costs(c))[0])))
+    start = min(starts, key=lambda c: summary(*few.costs(c))[0])
+    best = full.shortened(full.refined(few.refined(start)), start)
     closed, costs = full.closed(), full.costs(best)
     old, (new, error) = summary(*closed)[0], summary(*costs)
     told = advantage(units_of(full.rays), closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST

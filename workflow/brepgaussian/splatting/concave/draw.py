@@ -51,10 +51,10 @@ def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
     count = len(border) / _CORRELATED_CELLS
     best, score = None, np.inf
     for build, start in _families(center, half, angle, outline):
-        first = _least_squares(border, build, start)
+        first = nearest(border, build, start)
         again = None
         if first is not None and len(first.shape.corners()):  # once more without what the opening has rounded off
-            again = _least_squares(border[~first.near_corners(border, _ROUNDED_CELLS)], build, start)
+            again = nearest(border[~first.near_corners(border, _ROUNDED_CELLS)], build, start)
         for section in (first, again):
             if section is None:
                 continue
@@ -87,11 +87,34 @@ def around(places: Array) -> Section | None:
     return _simplest(_through(places, families, _MOST_MEAN))
 
 
+def nearest(border: Array, build: Callable[[Sequence[float]], Section], start: Sequence[float]) -> Section | None:
+    """The section next to places (N, 2), or None: too few of them, or a section too narrow."""
+    if len(border) < len(start):
+        return None
+    scale = np.ones(len(start))
+    if len(start) > 3:
+        scale[2] = _TURN
+    found = least_squares(
+        lambda p: build(p.tolist()).signed_distance(border),
+        start,
+        loss="soft_l1",
+        f_scale=_OUTLIER_CELLS,
+        x_scale=scale,
+    )
+    section = build(found.x.tolist())
+    if not np.isfinite(found.x).all() or section.signed_distance(np.array(section.center)) > -_LEAST_RADIUS:
+        return None
+    shape = section.shape
+    if isinstance(shape, Rounded) and 0 < max(shape.half) - shape.radius < LEAST_STRAIGHT:
+        return None  # nearly a circle is one
+    return section
+
+
 def _through(border: Array, families: Iterable[Family], most_off: float) -> Iterator[tuple[Section, float]]:
     """Sections that go through places of a border (N, 2) to `most_off` cells, and the evidence against each (BIC)."""
     count = len(border) / _CORRELATED_PLACES
     for build, start in families:
-        found = _least_squares(border, build, start)
+        found = nearest(border, build, start)
         if found is None:
             continue
         off = np.abs(found.signed_distance(border))
@@ -206,7 +229,7 @@ def _notched(outline: Cells) -> Iterator[Family]:
         width = float(key.sum()) / max(end - radius - _NOTCH_CELLS, 1.0) / 2
         yield _keyed, [*middle, float(np.arctan2(way[1], way[0])), radius, width, end]
     border = border_of(outline)
-    around = _least_squares(border, circle, [*middle, radius])
+    around = nearest(border, circle, [*middle, radius])
     if around is None or not isinstance(around.shape, Rounded):
         return
     grid = np.moveaxis(np.indices(outline.shape), 0, -1).astype(float)
@@ -221,31 +244,6 @@ def _notched(outline: Cells) -> Iterator[Family]:
 def _largest(cells: Cells) -> Cells:
     labels, count = ndimage.label(cells)
     return np.asarray(labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))) if count else cells
-
-
-def _least_squares(
-    border: Array, build: Callable[[Sequence[float]], Section], start: Sequence[float]
-) -> Section | None:
-    """The section next to places (N, 2), or None: too few of them, or a section too narrow."""
-    if len(border) < len(start):
-        return None
-    scale = np.ones(len(start))
-    if len(start) > 3:
-        scale[2] = _TURN
-    found = least_squares(
-        lambda p: build(p.tolist()).signed_distance(border),
-        start,
-        loss="soft_l1",
-        f_scale=_OUTLIER_CELLS,
-        x_scale=scale,
-    )
-    section = build(found.x.tolist())
-    if not np.isfinite(found.x).all() or section.signed_distance(np.array(section.center)) > -_LEAST_RADIUS:
-        return None
-    shape = section.shape
-    if isinstance(shape, Rounded) and 0 < max(shape.half) - shape.radius < LEAST_STRAIGHT:
-        return None  # nearly a circle is one
-    return section
 
 
 def _box(border: Array) -> tuple[Array, Array, float]:

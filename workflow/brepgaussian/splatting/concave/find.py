@@ -65,7 +65,7 @@ def find_prisms(
     mesh = scene.vertices, scene.triangles
     footprint = images.views.cameras.footprint()
     found: list[tuple[Prism, float]] = []
-    regions = [region.on(planes, *mesh, 2 * cell) for region in planar_regions(*mesh, 2 * cell)]
+    regions = [region.on(planes, *mesh, 2 * cell) for region in planar_regions(*mesh, 2 * cell, planes)]
     for region in regions:
         floor = _floor_of(region, floors, 2 * cell)
         if floors and floor is None:
@@ -74,7 +74,7 @@ def find_prisms(
         if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
             found += _concavities(images, scene, rectify(images, scene, lattice), floor=floor)
     # of a lid that silhouettes have opened here and there, what is left leans
-    rims = [] if floors else [plane for plane in planes if not any(r.normal is plane.normal for r in regions)]
+    rims = [] if floors else [plane for plane in planes if not any(plane.is_of(r, 2 * cell) for r in regions)]
     for rim in filter(None, (region_on(plane, *mesh, 2 * cell) for plane in rims)):
         found += _concavities(images, scene, rectify(images, scene, lattice_over(rim, mesh, footprint)), if_broken=True)
 

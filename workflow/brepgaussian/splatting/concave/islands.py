@@ -29,13 +29,15 @@ _AGREED = (0.9, SURFACE_SHARE, 0.7)  # share of a cell's views that agree on a t
 _LEAST_HEIGHT_CELLS = 4.0  # of a boss, and from its top to the rim: floors are told to a cell or two
 _STEP_CELLS = 1.5  # between the planes: a top is told from a cell above and below
 _BORDER_CELLS = 3  # along a pocket's walls views disagree about its floor
-_BESIDE_CELLS = 4  # around what hides the floor: a top is no wider than that
+_WIDER_CELLS = 12  # a top is wider than what hides the floor, where both have one grey
+_BESIDE_CELLS = 4  # around a top, where its rim is sought
 _THIN_CELLS = 1  # half the width of what joins a top to a wall about which views agree as well
 _BROKEN_CELLS = 3  # half the width of a gap in a top around a hole, where few views see it
 _COMPACT_CELLS = 4  # half the width of a top, holes in it filled
 _GAP_CELLS, _RING_CELLS, _BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
+_FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a half
 _RING_SHARE = 0.7  # of the ring is not what it seems to be
-_HIDDEN_SHARE = 0.7  # of a top hides the floor
+_HIDDEN_SHARE = 0.5  # of a top hides the floor
 _LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
 _STRIDE_PX = 2  # between the rays that judge a boss
 _FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's height
@@ -83,6 +85,9 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
     islands = [_island(prism, _levelled(images, cut, prism, top)) for top in chosen]
     whole = replace(prism, islands=tuple(islands))
     kept = _seen(images, hull.without(whole, margin).scene(), cut, islands) if islands else []
+    level = [i for i in islands if any(abs(i.depth - k.depth) <= _LEVEL_CELLS * pitch for k in kept)]
+    if len(level) > len(kept):  # once more without what stood before them and is none
+        kept = _seen(images, hull.without(replace(prism, islands=tuple(level)), margin).scene(), cut, level)
     logger.info(
         "pocket of area %.4f: %d bosses in it, of heights %s, %d others not believed",
         prism.area, len(kept), [round(i.depth, 4) for i in kept], len(islands) - len(kept),
@@ -104,16 +109,20 @@ def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
 def _tops(images: Images, cut: Scene, prism: Prism, hidden: Cells) -> Iterator[_Top]:
     """What may be the top of a boss, on all planes between floor and rim."""
     pitch = prism.lattice.pitch
-    near = prism.outline & ndimage.binary_dilation(hidden, iterations=_BESIDE_CELLS)
+    near = prism.outline & ndimage.binary_dilation(hidden, iterations=_WIDER_CELLS)
     domain = prism.outline & ndimage.binary_dilation(near, iterations=_GAP_CELLS + _RING_CELLS)
+    clear = ndimage.binary_erosion(prism.outline, iterations=_BORDER_CELLS)
     lowest = prism.depth - _LEAST_HEIGHT_CELLS * pitch
     for depth in np.arange(_LEAST_HEIGHT_CELLS * pitch, lowest, _STEP_CELLS * pitch):
         agreement = across(images, cut, prism.lowered(float(depth)), domain).agreement
         against = domain & (agreement < SURFACE_SHARE)
         for outline in _compact(agreement, near):
             blurred = ndimage.binary_dilation(outline, iterations=_GAP_CELLS)
-            ring = ndimage.binary_dilation(blurred, iterations=_RING_CELLS) & ~blurred
-            if against[ring].mean() >= _RING_SHARE and hidden[outline].mean() >= _HIDDEN_SHARE:
+            around = ndimage.binary_dilation(blurred, iterations=_RING_CELLS) & ~blurred
+            ring = around & prism.outline  # a boss may stand against a wall, or in a corner
+            if ring.sum() < _FREE_SHARE * around.sum() or not clear[outline].any():
+                continue
+            if against[ring].mean() >= _RING_SHARE and hidden[outline & clear].mean() >= _HIDDEN_SHARE:
                 band = outline & ~ndimage.binary_erosion(outline, iterations=_BAND_CELLS)  # there may be a hole within
                 contrast = float(agreement[band].mean() - agreement[ring & domain].mean())
                 yield _Top(outline, float(depth), contrast)

@@ -31,6 +31,11 @@ class Plane:
     normal: Array
     offset: float
 
+    def is_of(self, other: "Plane", near: float) -> bool:
+        """Whether another plane is the same one, slightly turned or off; planes near the frame's origin, that is."""
+        middle = other.offset * other.normal
+        return bool(self.normal @ other.normal > PARALLEL and abs(middle @ self.normal - self.offset) < near)
+
 
 @dataclass(frozen=True)
 class PlanarRegion(Plane):
@@ -92,16 +97,25 @@ def lattice_over(region: PlanarRegion, mesh: tuple[Array, NDArray[np.int64]], fo
     return lattice
 
 
-def planar_regions(vertices: Array, triangles: NDArray[np.int64], tolerance: float) -> list[PlanarRegion]:
+def planar_regions(
+    vertices: Array, triangles: NDArray[np.int64], tolerance: float, known: Sequence[Plane] = ()
+) -> list[PlanarRegion]:
     """Find planes on which much of a mesh lies.
 
     Args:
         vertices: (K, 3); triangles: (T, 3), counter-clockwise from outside.
         tolerance: distance within which a triangle lies on a plane (the hull's cell).
+        known: planes on which some of it lies; a fit would lean towards what is left of a lid just below one.
     """
     normals, areas, centers = _measures(vertices, triangles)
     free = areas > 0
     found: list[PlanarRegion] = []
+    for plane in known:
+        near = free & (np.abs(centers @ plane.normal - plane.offset) < tolerance)
+        on = np.flatnonzero(near & (normals @ plane.normal > _SAME_DIRECTION))
+        if areas[on].sum() >= _MINIMUM_AREA:
+            found.append(PlanarRegion(plane.normal, plane.offset, on))
+            free[on] = False
     while len(found) < _MAXIMUM_PLANES:
         seed = _dominant(normals, areas, centers, free, tolerance)
         if seed is None:
