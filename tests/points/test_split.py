@@ -1,4 +1,4 @@
-"""Planes that a curved label had swallowed, against the faces that the nodes were made of."""
+"""Faces that a label had swallowed, against those that the nodes were made of."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.cut import refit
 from brepgaussian.points.graph import Graph, largest_connected, neighbour_pairs, spacing_of
 from brepgaussian.points.merge import Nodes
-from brepgaussian.points.split import planar_pieces, uncover_planes
+from brepgaussian.points.split import planar_pieces, uncover_planes, uncover_strips
 from brepgaussian.settings.points import PointsSettings
 
 NOISE = Noise(0.002, np.radians(3.0))
@@ -76,3 +76,41 @@ def test_largest_connected_part():
     graph = Graph(np.array([[0, 1], [1, 2], [4, 5]]), *np.zeros((4, 3)))
     assert largest_connected(graph, np.array([0, 1, 2, 4, 5]), 6).tolist() == [0, 1, 2]
     assert largest_connected(graph, np.array([0, 2, 4, 5]), 6).tolist() == [4, 5]
+
+
+def sheet_end(rng, thickness, end):
+    """Top, bottom and, `end` or not, the narrow face at the end of a sheet, with noise: nodes, face of each."""
+    count = 1400
+    x, y = rng.uniform(0, 0.3, count), rng.uniform(0, 0.3, count)
+    face = rng.integers(0, 2, count)
+    xyz = np.column_stack([x, y, face * thickness])
+    normals = np.column_stack([np.zeros((count, 2)), 2.0 * face - 1])
+    if end:
+        few = int(count * thickness / 0.6)
+        xyz = np.concatenate([xyz, np.column_stack([np.zeros(few), y[:few], rng.uniform(0, thickness, few)])])
+        normals = np.concatenate([normals, np.tile([-1.0, 0, 0], (few, 1))])
+        face = np.concatenate([face, np.full(few, 2)])
+    xyz, normals = xyz + rng.normal(0, 0.0007, xyz.shape), normals + rng.normal(0, 0.02, xyz.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    trust = np.where(face == 2, 0.05, 1.0)  # a border is near in every view
+    grey, slopes = np.full(len(xyz), np.nan), np.full((len(xyz), 3), np.nan)
+    return Nodes(xyz, normals, trust, face < 2, grey, slopes), face
+
+
+@pytest.mark.parametrize("seed", [31, 32, 33])
+@pytest.mark.parametrize("thickness", [0.02, 0.035])
+def test_the_end_of_a_sheet_gets_its_own_label(seed, thickness):
+    nodes, face = sheet_end(np.random.default_rng(seed), thickness, True)
+    labels, spacing = np.where(face == 2, 0, face), spacing_of(nodes.xyz)
+    found = uncover_strips(nodes, one_region(nodes), labels, NOISE, spacing, PointsSettings(seed=seed))
+    assert found.max() == 2
+    strip = np.bincount(found[face == 2]).argmax()
+    clear = np.abs(nodes.xyz[:, 2] - thickness / 2) < thickness / 2 - 3 * NOISE.distance
+    assert (found[(face == 2) & clear] == strip).mean() > 0.8  # those beside an edge may be its neighbours'
+    assert (found[face != 2] == strip).mean() < 0.05
+
+
+def test_faces_without_a_strip_stay_as_they_are():
+    nodes, face = sheet_end(np.random.default_rng(34), 0.03, False)
+    found = uncover_strips(nodes, one_region(nodes), face, NOISE, spacing_of(nodes.xyz), PointsSettings())
+    np.testing.assert_array_equal(found, face)

@@ -20,7 +20,7 @@ from brepgaussian.points.cut import REFIT_SAMPLE, SHARE_NEUTRAL, cut, refit
 from brepgaussian.points.graph import Graph, Index, compact, components
 from brepgaussian.points.merge import Merger, Models, Nodes, Sampler, best_models, parts_of
 from brepgaussian.points.shading import fit_shading
-from brepgaussian.points.split import uncover_planes
+from brepgaussian.points.split import uncover_planes, uncover_strips
 from brepgaussian.points.superpoints import contract
 from brepgaussian.settings.points import PointsSettings
 
@@ -86,6 +86,7 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, settings: PointsSett
         log.info("cut %d: %d labels", turn, labels.max() + 1)
     labels = join_pieces(nodes, graph, labels, noise, spacing, seed)
     labels = uncover_planes(nodes, graph, labels, noise, spacing, settings)
+    labels = uncover_strips(nodes, graph, labels, noise, spacing, settings)
     models = refit(nodes, labels, noise, seed)
     return Labelling(labels, models, noise)
 

@@ -1,19 +1,23 @@
-"""Planes that a curved label has swallowed: where images show no border, merging stops at what one primitive allows.
+"""Faces that a label has swallowed: where images show no border, merging stops at what one primitive allows.
 
 A plane and the fillet beside it may both lie near one torus. The graph cut knows better, but only chooses among the
 labels that there are; here it gets the planes under curved labels as further ones (proposals, as PEARL has them).
 """
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.log import get_logger
+from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.cut import REACH, STRAY, cut, data_costs, pair_weights, refit
 from brepgaussian.points.graph import Graph, Index, largest_connected
 from brepgaussian.points.merge import Models, Nodes, parts_of
 from brepgaussian.points.pearl import expand
+from brepgaussian.points.superpoints import contract
 from brepgaussian.settings.points import PointsSettings
 
 Array = NDArray[np.float64]
@@ -24,6 +28,8 @@ _UNCOVERED = 65.0  # what it must save beyond a label's cost: errors are smooth,
 _TRIALS = 64  # planes tried under a label
 _SIGMAS = 2.0  # of the noise, for a node to lie on a plane
 _ROUNDS, _FEW = 4, 12  # of refitting, and nodes from which on they tell the plane
+_OFF, _ACROSS = 3.0, np.cos(np.radians(45.0))  # of the noise, and of what turns a node, that no rounded edge has
+_ONE_FACE = np.cos(np.radians(30.0))  # between neighbours of a strip: normals beside its edges are turned
 _NEAR = 2.0  # spacings over which a trial's normal is averaged
 _LEAST_SHARE = 0.15  # of a label's nodes on one plane: a small piece of any face is about flat
 _MOST_SHARE = 0.8  # then the plane is the label
@@ -34,16 +40,46 @@ def uncover_planes(
     nodes: Nodes, graph: Graph, labels: Index, noise: Noise, spacing: float, settings: PointsSettings
 ) -> Index:
     """The labels, with planes that curved ones had swallowed where all costs together are lower for it."""
-    weights = pair_weights(graph)
+    smallest, seed = settings.smallest_patch, settings.seed
+    models = refit(nodes, labels, noise, seed)
+    pieces = planar_pieces(nodes, graph, labels, models, noise, spacing, smallest, seed)
+    return _with_pieces(pieces, _UNCOVERED, nodes, graph, labels, noise, spacing, settings)
+
+
+def uncover_strips(
+    nodes: Nodes, graph: Graph, labels: Index, noise: Noise, spacing: float, settings: PointsSettings
+) -> Index:
+    """The labels, with the narrow faces that others had swallowed where all costs together are lower for it.
+
+    On the edge faces of a sheet every node is near a border in most views, so that none speaks for a patch.
+    """
+    models = refit(nodes, labels, noise, settings.seed)
+    pieces = turned_pieces(nodes, graph, labels, models, noise, settings.smallest_patch)
+    speaking = nodes.core.copy()
+    speaking[np.concatenate([np.zeros(0, np.int64), *pieces])] = True
+    nodes = replace(nodes, core=speaking)
+    return _with_pieces(pieces, 0.0, nodes, graph, labels, noise, spacing, settings)
+
+
+def _with_pieces(
+    pieces: list[Index],
+    margin: float,
+    nodes: Nodes,
+    graph: Graph,
+    labels: Index,
+    noise: Noise,
+    spacing: float,
+    settings: PointsSettings,
+) -> Index:
+    """The labels, with those pieces as further ones that save `margin` beyond a label's cost."""
+    weights, seed = pair_weights(graph), settings.seed
 
     def cost(labels: Index, models: Models) -> float:
         data = data_costs(nodes, labels, models, noise, spacing)
         return _total(data, graph, weights, labels) + settings.label_cost * (labels.max() + 1)
 
-    smallest, seed = settings.smallest_patch, settings.seed
-    models = refit(nodes, labels, noise, seed)
-    best = cost(labels, models)
-    for piece in planar_pieces(nodes, graph, labels, models, noise, spacing, smallest, seed):
+    best = cost(labels, refit(nodes, labels, noise, seed))
+    for piece in pieces:
         new = labels.max() + 1
         found = labels.copy()
         found[piece] = new
@@ -59,7 +95,7 @@ def uncover_planes(
         found[strays] = labels[strays]
         after = cost(found, refit(nodes, found, noise, seed))
         log.info("plane of %d nodes under label %d: cost %.1f for %.1f", len(piece), labels[piece[0]], after, best)
-        if after < best - _UNCOVERED:
+        if after < best - margin:
             labels, best = found, after
     return labels
 
@@ -97,6 +133,26 @@ def planar_pieces(
             if np.median(nodes.normals[rest] @ facing) < _TURNED * np.linalg.norm(facing):
                 pieces.append(piece)
     return pieces
+
+
+def turned_pieces(
+    nodes: Nodes, graph: Graph, labels: Index, models: Models, noise: Noise, smallest: int
+) -> list[Index]:
+    """Connected nodes of one direction that lie off their label's surface and face across it, largest first.
+
+    Arguments are those of `planar_pieces`.
+    """
+    stray = np.zeros(len(labels), bool)
+    for k, part in enumerate(parts_of(labels)):
+        distance, normal = evaluate(str(models.kinds[k]), models.rows[k : k + 1], nodes.xyz[part][None])
+        across = (normal[0] * nodes.normals[part]).sum(axis=1) < _ACROSS
+        stray[part] = across & (np.abs(distance[0]) > _OFF * noise.distance)
+    i, j = graph.pairs.T
+    alike = (nodes.normals[i] * nodes.normals[j]).sum(axis=1) - _ONE_FACE
+    both = stray[i] & stray[j]
+    piece = np.where(stray, contract(graph.pairs[both], alike[both], nodes.normals, float(_ONE_FACE)), -1)
+    found = [np.flatnonzero(piece == k) for k in np.unique(piece[stray])]
+    return sorted((p for p in found if len(p) >= smallest), key=lambda p: (-len(p), int(p[0])))
 
 
 def _largest_plane(nodes: Nodes, part: Index, noise: Noise, spacing: float, rng: np.random.Generator) -> Index:
