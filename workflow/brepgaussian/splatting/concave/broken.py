@@ -77,17 +77,22 @@ def _completed(outline: Outline, opening: Outline, stack: Stack) -> Outline:
 def _inscribed(opening: Outline, stack: Stack) -> Outline:
     """(R, C) the largest disc in an opening, if arcs of the rim lie on its border; else nothing."""
     away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
-    middle, radius = np.array(np.unravel_index(int(np.argmax(away)), away.shape), float), float(away.max())
+    disc = circle([*(float(k) for k in np.unravel_index(int(np.argmax(away)), away.shape)), float(away.max())])
     rim = _rim(border_of(opening), opening, stack)
     for _ in range(_ROUNDS):
-        arcs = rim[np.abs(np.linalg.norm(rim - middle, axis=1) - radius) <= _NEAR_CELLS]
-        disc = nearest(arcs, circle, [*middle, radius])
-        if disc is None:
+        arcs = rim[np.abs(disc.signed_distance(rim)) <= _NEAR_CELLS]
+        found = nearest(arcs, circle, [*disc.center, _radius(disc)])
+        if found is None:
             return np.zeros_like(opening)
-        middle, radius = np.array(disc.center), -float(disc.signed_distance(np.array(disc.center)))
-    turns = np.unique(np.round(np.arctan2(*(arcs - middle).T) * radius))  # one place for each cell of the border
+        disc = found
+    radius = _radius(disc)
+    turns = np.unique(np.round(np.arctan2(*(arcs - disc.center).T) * radius))  # one place for each cell of the border
     told = len(turns) / (2 * np.pi * radius)
     return _within(disc, opening, stack) if told >= _LEAST_TOLD else np.zeros_like(opening)
+
+
+def _radius(disc: Section) -> float:
+    return -float(disc.signed_distance(np.array(disc.center)))
 
 
 def _rim(places: Array, opening: Outline, stack: Stack) -> Array:
