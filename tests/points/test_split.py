@@ -98,7 +98,7 @@ def sheet_end(rng, thickness, end):
 
 
 @pytest.mark.parametrize("seed", [31, 32, 33])
-@pytest.mark.parametrize("thickness", [0.03, 0.045])
+@pytest.mark.parametrize("thickness", [0.036, 0.045])
 def test_the_end_of_a_sheet_gets_its_own_label(seed, thickness):
     nodes, face = sheet_end(np.random.default_rng(seed), thickness, True)
     labels, spacing = np.where(face == 2, 0, face), spacing_of(nodes.xyz)

@@ -70,6 +70,25 @@ def test_what_silhouettes_have_opened_altogether_needs_no_more(looked):
     assert broken_rims(None, hull().scene(), bare, 50 * PITCH**2)[2] == []
 
 
+@pytest.mark.parametrize(("radius", "told"), [(28, True), (12, False)])
+def test_a_bore_that_a_slot_crosses_is_the_disc_in_what_is_open(monkeypatch, radius, told):
+    """The slot has left a segment of the lid; a disc in the slot alone touches the rim in two places."""
+    plate = (ROWS >= 20) & (ROWS < 140) & (COLUMNS >= 20) & (COLUMNS < 100)
+    slot = plate & (np.abs(COLUMNS - 60) < 10)
+    bore = np.hypot(ROWS - 80, COLUMNS - 60) < radius
+    gone = slot | bore & (COLUMNS < 78)
+    left = plate & ~ndimage.binary_erosion(gone, iterations=2)
+    face = shown(left, (bore if told else plate & (COLUMNS > 90)) & left)
+    monkeypatch.setattr(Lattice, "widened", lambda self, _: self)
+    monkeypatch.setattr(broken, "rectify", lambda *_: face)
+    monkeypatch.setattr(broken, "across", lambda _images, _scene, _lattice, domain: shown(domain, bore | slot))
+    monkeypatch.setattr(broken, "_gone", lambda *_: gone & ~left)
+    found = broken_rims(None, None, face, 50 * PITCH**2)[2]
+    assert len(found) == told
+    for outline in found:
+        assert np.count_nonzero(outline ^ bore) < 0.04 * np.count_nonzero(bore)
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 @pytest.mark.parametrize("radius", [0.0, 12.0])
 def test_a_rectangle_is_told_without_one_of_its_corners(turn, radius):

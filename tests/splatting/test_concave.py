@@ -88,6 +88,19 @@ def test_a_region_that_bulges_takes_the_plane_of_its_face(turn, height, taken):
     assert taken or on is region
 
 
+def test_what_is_left_of_a_lid_below_a_known_plane_does_not_turn_its_region():
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41), indexing="ij"))
+    vertices = np.column_stack([x, y, np.where((x > 0.6) & (np.abs(y - 0.5) < 0.2), 0.485, 0.5)])
+    corner = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    triangles = np.concatenate([np.column_stack([corner, corner + a, corner + b]) for a, b in ((41, 42), (42, 1))])
+    face = Plane(np.array([0, 0, 1.0]), 0.5)
+    alone, known = (planar_regions(vertices, triangles, 0.02, planes)[0] for planes in ((), (face,)))
+    assert alone.normal @ face.normal < 0.9999
+    assert known.normal is face.normal
+    flat = np.flatnonzero((vertices[triangles][..., 2] == 0.5).all(axis=1))
+    assert np.isin(flat, known.triangles).all()
+
+
 @pytest.mark.parametrize(("turn", "taken"), [(0.002, True), (0.022, False)])
 def test_two_faces_on_one_plane_do_not_take_the_turned_plane_of_one_of_them(turn, taken):
     """Feet on both sides of a gap; the plane passes through the middle of both, and through the first."""

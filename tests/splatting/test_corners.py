@@ -69,6 +69,22 @@ def test_a_corner_is_cut_out_of_what_lies_over_its_floors_and_under_its_lid():
     assert np.array_equal(corner.contains(points), inside.ravel())
 
 
+@pytest.mark.parametrize("wall", [0.62, 0.7, 0.8])
+def test_an_end_is_moved_no_farther_than_rays_tell(monkeypatch, wall):
+    """Rays tell an end that is nearer than the wall; of one that is in it, or past it, they tell nothing."""
+    normals = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    first = Corner((normals[1], 1.0), normals, np.array([0.4, 0.3, -0.2, -0.6]))
+    moved = replace(first, offsets=np.array([0.4, 0.3, -0.2, -1.0]))
+    sought = object.__new__(corners._Sought)
+    sought.rays = None
+    monkeypatch.setattr(corners._Sought, "costs", lambda _, corner: -corner.offsets[3])
+    monkeypatch.setattr(corners, "units_of", lambda _: None)
+    monkeypatch.setattr(corners, "advantage", lambda _, nearer, best: 2 * corners.SURE * (nearer < min(wall, best)))
+    found = sought.shortened(moved, first)
+    assert wall <= -found.offsets[3] <= wall + 0.05 + 1e-9  # an eighth of the way
+    np.testing.assert_array_equal(found.offsets[:3], first.offsets[:3])
+
+
 @pytest.mark.parametrize(("reach", "good"), [(0.5, True), (2.0, False)])
 def test_views_judge_all_that_a_corner_cuts_not_its_lid_only(tmp_path, monkeypatch, reach, good):
     """Of a step filled up, a corner may take the filling, not the face at the step's end as well."""
