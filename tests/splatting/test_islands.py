@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.sections import PIECES, Rounded, Section
 from brepgaussian.splatting.concave.walls import Walls
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
+from build123d import Align, Box, Pos, export_step
 
 PITCH = 0.01
 
@@ -76,6 +77,28 @@ def test_bosses_below_a_rim_stand_where_they_are(tmp_path, part, seed, interrefl
             if island.lateral(island.lattice.coordinates(top[None])[0])[0] < 0
         ]
         assert min(heights) < 0.005
+
+
+def test_bosses_in_the_corners_of_a_pocket_stand_where_they_are(tmp_path):
+    """They touch two of its walls, and from above they have the grey of its floor."""
+    low = (Align.CENTER, Align.CENTER, Align.MIN)
+    case = Box(66, 48, 24, align=low) - Pos(0, 0, 4) * Box(58, 40, 24, align=low)
+    for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        case += Pos(24 * x, 15 * y, 4) * Box(10, 10, 13, align=low)
+    export_step(case, tmp_path / "part.step")
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    settings = ViewsSettings(rendered_views=40, image_size=400)
+    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
+    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    hull, _ = carve(views, 128, concavities=True)
+    scene = Scene(hull.vertices, hull.triangles)
+    at = truth.mesh_vertices.min(axis=0) + np.array([33, 24, 0]) / 66
+    posts = np.array([[24 * x, 15 * y, 14.5] for x in (-1, 1) for y in (-1, 1)]) / 66 + at
+    above, beside = (posts + np.array([0, 0, d]) / 66 for d in (5.0, 0.0))
+    beside[:, 0] -= np.sign(posts[:, 0] - at[0]) * 10 / 66
+    assert (scene.signed_distance(posts) < 0).sum() >= 3
+    assert (scene.signed_distance(above) > 0).all()
+    assert (scene.signed_distance(beside) > 0).all()
 
 
 def test_long_narrow_holes_through_bosses_are_open_all_the_way(tmp_path):
