@@ -10,11 +10,11 @@ from brepgaussian.brep.assemble import attempt
 from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Rung
 from brepgaussian.brep.ladder import make_job
-from brepgaussian.brep.patches import make_patches
+from brepgaussian.brep.patches import Patch, make_patches
 from brepgaussian.brep.simplify import Change, applied, compatible, complexity, proposals
 from brepgaussian.brep.trials import Trials
 from brepgaussian.geometry.cameras import Cameras
-from brepgaussian.geometry.surfaces import cone, plane, torus
+from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus
 from brepgaussian.settings.brep import BrepSettings
 
 SIGMA = 0.002
@@ -117,6 +117,38 @@ def test_only_a_tiny_patch_beside_others_may_be_a_rounded_inner_edge(block, off,
     fringe = replace(patches[large], xyz=near, normals=np.tile(axis, (count, 1)), surface=plane(near.mean(0), axis))
     patches.append(replace(fringe, primitive=90))
     assert any(c.name == "without patch 90" for c in proposals(patches, SIGMA, 0)) == proposed
+
+
+@pytest.mark.parametrize(("turn_deg", "curved", "proposed"), [(9, True, True), (9, False, False), (25, True, False)])
+def test_the_flat_start_of_a_fillet_may_be_none(turn_deg, curved, proposed):
+    """A plane hardly turned against its neighbour, beside a curved face: where labels tore off a strip of a fillet."""
+    turn, radius = np.radians(turn_deg), 0.17
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 50), np.linspace(0.2, 1, 60)))
+    floor = np.column_stack([x, y, 0 * x])
+    low, high = np.radians(1.5 * turn_deg), np.radians(60)
+    angle = np.linspace(low, high, 30)
+    axis = np.array([0, 0.2, radius])
+    along = np.linspace(0, 1, 50)
+
+    def on_arc(angles, depth=0.0):
+        ring = axis + (radius - depth) * np.column_stack([0 * angles, -np.sin(angles), -np.cos(angles)])
+        return (ring[None] + along[:, None, None] * np.eye(3)[0]).reshape(-1, 3)
+
+    def patch(number, surface, xyz):
+        return Patch(surface, number, xyz, surface.normals(xyz), 0.02, SIGMA)
+
+    lean = plane(on_arc(np.array([turn / 2])).mean(axis=0), [0, np.sin(turn), np.cos(turn)])
+    wall = plane(on_arc(angle).mean(axis=0), [0, np.sin(np.radians(35)), np.cos(np.radians(35))])
+    round_face = cylinder(axis, [1, 0, 0], radius, flipped=True) if curved else wall
+    strip = lean.project(on_arc(np.linspace(0, low, 8), depth=0.004))
+    patches = [
+        patch(1, plane([0, 0, 0], [0, 0, 1]), floor),
+        patch(2, round_face, round_face.project(on_arc(angle))),
+        patch(3, lean, strip[:: 4]),
+    ]  # fmt: skip
+    found = [c for c in proposals(patches, SIGMA, 0) if c.name == "without patch 3"]
+    assert bool(found) == proposed
+    assert all(c.excused == pytest.approx(100 / sum(len(p.xyz) for p in patches)) for c in found)
 
 
 def test_changes_of_one_patch_are_not_taken_together(block):

@@ -1,13 +1,14 @@
 """Corners between ribs: a hull spans the ribs' edges with a lid; under it there are two floors."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
-from brepgaussian.splatting.concave import Images, corners
+from brepgaussian.splatting.concave import Images, corners, rooms
 from brepgaussian.splatting.concave.corners import Corner
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
@@ -44,6 +45,49 @@ def test_the_corner_between_two_webs_is_opened_down_to_both_floors(tmp_path, thi
     assert (distance[3] < 0).all()
 
 
+def test_corners_beside_one_web_are_opened_down_to_three_floors(tmp_path):
+    """The lid spans the web's edge and the far ends of wall and base; no edge of two floors lies along it."""
+    low = (Align.MIN, Align.MIN, Align.MIN)
+    web = extrude(Plane.XZ * make_face(Polyline((5, 5), (28, 5), (5, 28), close=True)), amount=-6)
+    body = Box(42, 40, 6, align=low) + Box(6, 40, 40, align=low) + Pos(0, 17, 0) * web
+    views, truth = rendered(tmp_path, body)
+    near = 1.5  # of each floor
+    inside = np.array([[6 + near, y, z] for y in (17 - near, 23 + near) for z in (6 + near, 12)])
+    beyond = np.array([[6 - near, 10, 15], [15, 10, 6 - near], [9, 17 + near, 9], [9, 23 - near, 9]])
+    distance = [
+        Scene(hull.vertices, hull.triangles).signed_distance(truth.mesh_vertices.min(axis=0) + points / 42)
+        for hull in (carve(views, 96, 1, False)[0], carve(views, 96, 1, True)[0])
+        for points in (inside, beyond)
+    ]
+    assert (distance[0] < 0).all()  # silhouettes do not show it
+    assert (distance[2] > 0).all()
+    assert (distance[3] < 0).all()
+
+
+def test_a_lid_over_three_floors_and_one_over_two():
+    """The edge of two floors has to lie along the lid, that of three not."""
+    floors = [corners._Floor(np.eye(3)[k], np.full(3, 0.5)) for k in range(3)]
+    unseen = [replace(floor, seen=None) for floor in floors]
+    slanted = SimpleNamespace(normal=np.ones(3) / np.sqrt(3), offset=1.0)
+    along = SimpleNamespace(normal=np.array([1, 1, 0]) / np.sqrt(2), offset=1.0)
+    assert corners._triples(slanted, floors) == [tuple(floors)]
+    assert corners._triples(slanted, unseen) == [tuple(unseen)]
+    assert corners._triples(along, floors) == []
+    assert corners._pairs(slanted, floors) == []
+    assert corners._pairs(along, floors) == [tuple(floors[:2])]
+    cells = 0.6 + 0.2 * np.eye(3)
+    started = list(corners._starts(slanted, [*floors[:2], unseen[2]], cells))
+    assert len({c.offsets[2] for c in started}) == len(started) == 6
+    assert all(c.ends == range(2, 2) and c.offsets[0] == c.offsets[1] == 0.5 for c in started)
+    assert next(corners._starts(along, floors[:2], cells)).ends == range(2, 4)
+
+
+def test_directions_are_told_once():
+    turned = np.array([np.sin(0.03), 0, np.cos(0.03)])
+    kept = corners._distinct([np.eye(3)[2], turned, -turned, np.eye(3)[0]])
+    np.testing.assert_array_equal(kept, [np.eye(3)[2], -turned, np.eye(3)[0]])
+
+
 def test_a_long_strip_of_one_cell_is_no_lid(tmp_path, monkeypatch):
     """Along a straight edge, triangles that marching cubes cut off it are as large as a lid, and a cell wide."""
     views, _ = rendered(tmp_path, Box(40, 24, 16))
@@ -75,11 +119,11 @@ def test_an_end_is_moved_no_farther_than_rays_tell(monkeypatch, wall):
     normals = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
     first = Corner((normals[1], 1.0), normals, np.array([0.4, 0.3, -0.2, -0.6]))
     moved = replace(first, offsets=np.array([0.4, 0.3, -0.2, -1.0]))
-    sought = object.__new__(corners._Sought)
+    sought = object.__new__(rooms.Sought)
     sought.rays = None
-    monkeypatch.setattr(corners._Sought, "costs", lambda _, corner: -corner.offsets[3])
-    monkeypatch.setattr(corners, "units_of", lambda _: None)
-    monkeypatch.setattr(corners, "advantage", lambda _, nearer, best: 2 * corners.SURE * (nearer < min(wall, best)))
+    monkeypatch.setattr(rooms.Sought, "costs", lambda _, corner: -corner.offsets[3])
+    monkeypatch.setattr(rooms, "units_of", lambda _: None)
+    monkeypatch.setattr(rooms, "advantage", lambda _, nearer, best: 2 * rooms.SURE * (nearer < min(wall, best)))
     found = sought.shortened(moved, first)
     assert wall <= -found.offsets[3] <= wall + 0.05 + 1e-9  # an eighth of the way
     np.testing.assert_array_equal(found.offsets[:3], first.offsets[:3])

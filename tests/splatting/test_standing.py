@@ -149,3 +149,14 @@ def test_a_recess_may_not_take_what_silhouettes_show_of_a_hub(kept, filled):
     outline = (away < 0.25) & (away > kept)
     stack = SimpleNamespace(lattice=on)
     assert bool(standing._filling([(outline, 0.2)], stack, scene, images)) == filled
+
+
+def test_an_outline_as_narrow_as_blur_is_no_recess():
+    """Around a hub as wide as its recess a ring is left of a cell or two: no core of it is sure."""
+    scene, on = plate_with_hub(0.0).scene(), lattice()
+    images = SimpleNamespace(contour_rays=(np.array([[-1.0, 0.5, LEVEL + 0.1]]), np.array([[1.0, 0.0, 0.0]])))
+    away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
+    ring, disc = np.abs(away - 0.25) < PITCH, np.linalg.norm(on.centers()[..., :2] - 0.8, axis=-1) < 0.1
+    stack = SimpleNamespace(lattice=on)
+    assert [o is disc for o, _ in standing._filling([(ring, 0.2), (disc, 0.2)], stack, scene, images)] == [True]
+    assert standing._filling([(ring, 0.2)], stack, scene, images) == []

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from brepgaussian.brep.blends import Blend
 from brepgaussian.brep.job import Job
-from brepgaussian.brep.patches import Patch, touch
+from brepgaussian.brep.patches import Patch, neighbours, touch
 from brepgaussian.geometry.fit_robust import fit_robust
 from brepgaussian.geometry.surfaces import Surface
 
@@ -38,6 +38,8 @@ _SMALL = 0.015  # of all points: larger patches are not left out
 _HALF = 0.5  # of a small patch's points that others must explain
 _TINY = 0.006  # of all points: so few may be all of a rounded-off inner edge,
 _ROUNDED = 0.012  # unit frame: which stands off the faces beside it by up to the width of its fringe
+_STRIP = 0.03  # of all points: planes that meet another one so bluntly that modelled faces hardly do,
+_BLUNT = np.cos(np.radians(15.0))  # may be the flat start of a fillet
 
 
 @dataclass(frozen=True)
@@ -179,16 +181,28 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
     total = sum(len(p.xyz) for p in patches)
     for index in sorted(range(len(patches)), key=lambda k: len(patches[k].xyz)):
         patch = patches[index]
-        if len(patch.xyz) > _SMALL * total:
+        strip = len(patch.xyz) <= _STRIP * total and _starts_fillet(index, patches)
+        if len(patch.xyz) > _SMALL * total and not strip:
             continue
         off = np.full(len(patch.xyz), np.inf)
         for other in (p for k, p in enumerate(patches) if k != index):
             beside = _TOUCH * max(patch.reach, other.reach) * 2
             near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=beside)[0] <= beside
             off[near] = np.minimum(off[near], np.abs(other.surface.signed_distance(patch.xyz[near])))
-        limit = max(_SIGMAS * noise, _ROUNDED if len(patch.xyz) <= _TINY * total else 1e-9)
+        limit = max(_SIGMAS * noise, _ROUNDED if strip or len(patch.xyz) <= _TINY * total else 1e-9)
         if np.mean(off <= limit) >= _HALF:
-            yield Change(f"without patch {patch.primitive}", (index,), ())
+            excused = len(patch.xyz) / total if strip else 0.0
+            yield Change(f"without patch {patch.primitive}", (index,), (), excused)
+
+
+def _starts_fillet(index: int, patches: Sequence[Patch]) -> bool:
+    """Whether a plane lies between another one, hardly turned, and a curved face."""
+    own = patches[index].surface
+    if own.kind != "plane":
+        return False
+    beside = [patches[k].surface for k in neighbours(index, patches)]
+    blunt = any(s.kind == "plane" and float(s.axis @ own.axis) > _BLUNT for s in beside)
+    return blunt and any(s.kind != "plane" for s in beside)
 
 
 def fitted_to(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:

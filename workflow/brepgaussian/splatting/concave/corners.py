@@ -1,6 +1,7 @@
 """Corners between ribs: what ribs on both sides hide from silhouettes lies over two floors that meet, not over one.
 
-A hull spans the ribs' edges with a flat lid. Under it there is room down to two planes, from rib to rib.
+A hull spans the ribs' edges with a flat lid. Under it there is room down to two planes, from rib to rib. Beside one
+rib, in the corner of a bracket, the lid spans the rib's edge and the far ends of wall and base: there are three floors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,17 +17,16 @@ from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.depth import measure
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, lattice_over, planar_regions
-from brepgaussian.splatting.concave.radiance import disagreement
-from brepgaussian.splatting.concave.rays import Rays, gather
+from brepgaussian.splatting.concave.rays import gather
+from brepgaussian.splatting.concave.rooms import Corner, Sought
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.shapes import SURE, Costs, advantage, on_lid, place_side, summary, units_of
+from brepgaussian.splatting.concave.shapes import SURE, advantage, summary, units_of
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 
 _LEAST_WIDTH_PIXELS = 14.0  # of an opening; the corner under a narrower one is left to what has one floor
 _OPENING_CELLS = 3  # a narrower part of a refuted region is blur
-_MOST_PLACE_CELLS = 7.5  # side of a place, where few rays need large ones
 _RAYS, _FEW_RAYS = 60_000, 10_000
 _FACING = (0.15, 0.985)  # cosines between a lid and a floor under it
 _LEAST_ANGLE = 0.5  # sine of the angle between the floors
@@ -40,101 +40,12 @@ _MOST_REFUTED = 0.3  # of a face that is a floor; of a hull's skin between faces
 _MOST_TURN = np.radians(6)  # of its triangles, rms: faces had up to 4.6 degrees, strips of a hull's skin 6.9 and more
 _MOST_TRIED = 6  # openings, largest first
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
-_STEP, _FINEST = 4.0, 0.25  # cells by which planes are moved
-_NEARER = np.arange(0, 1, 0.125)  # of the way that an end was moved
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
 _REACH_VOXELS = 2.0  # rays on which a corner changes less than this don't judge what it cuts
 _LEAST_RAYS = 20  # that do
 _MOST_AGAINST = 0.2  # share of rays that contradict it
 
 logger = log.get_logger("stage1")
-
-
-@dataclass(frozen=True)
-class Corner:
-    """The room under a lid where normals @ x > offsets.
-
-    Attributes:
-        lid: its plane's outward unit normal (3,) and offset.
-        normals: (4, 3) unit: of the two floors, of the two ends; offsets: (4,).
-    """
-
-    lid: tuple[Array, float]
-    normals: Array
-    offsets: Array
-
-    def exits(self, stack: Stack, rays: Rays) -> Array:
-        """(N,) depths in cells at which rays meet a floor or an end, -1 for those that enter beside it."""
-        lattice = stack.lattice
-        axes = np.stack([lattice.first, lattice.second])
-        at = self.normals @ lattice.origin - self.offsets  # (4,)
-        at = at + (rays.start + 0.5) * lattice.pitch @ (axes @ self.normals.T)  # (N, 4) above each plane
-        slope = lattice.pitch * (rays.sideways @ (axes @ self.normals.T) - self.normals @ lattice.normal)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = np.where(slope < 0, -at / slope, np.inf).min(axis=1)
-        return np.where((at > 0).all(axis=1), depth, -1.0)
-
-    def contains(self, points: Array) -> NDArray[np.bool_]:
-        """(N,) whether points (N, 3) lie over its floors and between its ends."""
-        return np.asarray((points @ self.normals.T > self.offsets).all(axis=1))
-
-    def cut_out(self, hull: Volume, margin: float) -> Volume:
-        """A hull without it; it reaches above its lid by `margin`."""
-        grid = np.meshgrid(*(hull.origin[k] + hull.spacing * np.arange(n) for k, n in enumerate(hull.field.shape)),
-                           indexing="ij", sparse=True)  # fmt: skip
-        normal, offset = self.lid
-        outside = sum(n * g for n, g in zip(normal, grid, strict=True)) - offset - margin
-        for normal, offset in zip(self.normals, self.offsets, strict=True):
-            outside = np.maximum(outside, offset - sum(n * g for n, g in zip(normal, grid, strict=True)))
-        return hull.with_field(np.minimum(hull.field, outside.astype(np.float32)))
-
-
-class _Sought:
-    """The rays through one opening, and what they cost."""
-
-    def __init__(self, stack: Stack, rays: Rays, every: int, tolerance: float) -> None:
-        self.stack, self.rays, self.tolerance = stack, rays, tolerance
-        self.side = place_side(every, len(rays), _MOST_PLACE_CELLS)
-
-    def costs(self, corner: Corner) -> Costs:
-        exits = corner.exits(self.stack, self.rays)
-        return disagreement(self.rays, exits, np.inf, self.tolerance, side=self.side)
-
-    def closed(self) -> Costs:
-        return on_lid(self.rays, self.tolerance, self.side)
-
-    def refined(self, corner: Corner) -> Corner:
-        """The corner with its planes moved to where views agree best, in ever smaller steps."""
-        step = _STEP
-        best, cost = corner, summary(*self.costs(corner))[0]
-        while step >= _FINEST:
-            before = cost
-            for k in range(len(corner.offsets)):
-                for move in (step, -step):
-                    offsets = best.offsets.copy()
-                    offsets[k] += move * self.stack.lattice.pitch
-                    moved = Corner(best.lid, best.normals, offsets)
-                    value = summary(*self.costs(moved))[0]
-                    if value < cost:
-                        best, cost = moved, value
-            step = step / 2 if cost == before else step
-        return best
-
-    def shortened(self, corner: Corner, first: Corner) -> Corner:
-        """The corner with each end as near to where it was at first as explains the rays about as well.
-
-        Behind an end few rays tell anything, and a little beyond it is the wall of something else.
-        """
-        for k in (2, 3):
-            costs = self.costs(corner)
-            for share in _NEARER:
-                offsets = corner.offsets.copy()
-                offsets[k] = first.offsets[k] + share * (corner.offsets[k] - first.offsets[k])
-                nearer = Corner(corner.lid, corner.normals, offsets)
-                if offsets[k] > corner.offsets[k] and advantage(units_of(self.rays), self.costs(nearer), costs) <= SURE:
-                    corner = nearer
-                    break
-        return corner
 
 
 @dataclass(frozen=True)
@@ -170,10 +81,12 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
         for (region, area, _), stack in zip(wide, stacks, strict=True)
         if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum() and region.turn(*mesh) < _MOST_TURN
     ]
+    directions = _distinct([*backs, *(sign * floor.normal for floor, _ in seen for sign in (1, -1))])
     sought = []
     for (lid, area, _), stack in zip(wide, stacks, strict=True):
         enough = [floor for floor, size in seen if size >= _LEAST_FLOOR * area]
-        floors = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *enough])
+        pairs = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *enough])
+        floors = [*pairs, *_triples(lid, [*(_Floor(normal, None) for normal in directions), *enough])]
         if floors:
             sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
     found: list[Corner] = []
@@ -208,10 +121,19 @@ def _seen(face: PlanarRegion, backs: Sequence[Array], mesh: tuple[Array, NDArray
     return _Floor(alike[0] if alike else face.normal, mesh[0][mesh[1][face.triangles]].mean(axis=(0, 1)))
 
 
-def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, _Floor]]:
+def _distinct(directions: Sequence[Array]) -> list[Array]:
+    """Directions (3,) without those that are parallel to an earlier one."""
+    found: list[Array] = []
+    for direction in directions:
+        if not any(direction @ other > _PARALLEL for other in found):
+            found.append(direction)
+    return found
+
+
+def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
     """Pairs of planes that may be the floors under a lid."""
     facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
-    pairs = []
+    pairs: list[tuple[_Floor, ...]] = []
     for first, second in combinations(facing, 2):
         edge = np.cross(first.normal, second.normal)
         length = float(np.linalg.norm(edge))
@@ -223,6 +145,17 @@ def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, _F
     return pairs
 
 
+def _triples(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
+    """Three planes that may be the floors under a lid."""
+    facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
+    found = []
+    for three in combinations(facing, 3):
+        normals = np.column_stack([plane.normal for plane in three])
+        if abs(np.linalg.det(normals)) > _LEAST_ANGLE and np.linalg.solve(normals, lid.normal).min() > _BETWEEN:
+            found.append(three)
+    return found
+
+
 def _wide_openings(stack: Stack, footprint: float) -> Iterator[NDArray[np.bool_]]:
     """(R, C) parts of a lid that views refute."""
     labels, count = ndimage.label(ndimage.binary_opening(stack.refuted, iterations=_OPENING_CELLS))
@@ -232,21 +165,27 @@ def _wide_openings(stack: Stack, footprint: float) -> Iterator[NDArray[np.bool_]
             yield outline
 
 
-def _starts(lid: PlanarRegion, pair: tuple[_Floor, _Floor], cells: Array) -> Iterator[Corner]:
-    """Corners over two floors under cells (N, 3) of a lid: where the floors are seen, or at some depths."""
-    edge = np.cross(pair[0].normal, pair[1].normal)
-    edge /= np.linalg.norm(edge)
-    across = cells @ np.cross(edge, lid.normal)
-    width = float(across.max() - across.min())
-    normals = np.stack([pair[0].normal, pair[1].normal, edge, -edge])
-    ends = (cells @ normals[2:].T).min(axis=0)
+def _starts(lid: PlanarRegion, floors: Sequence[_Floor], cells: Array) -> Iterator[Corner]:
+    """Corners over floors under cells (N, 3) of a lid: where the floors are seen, or at some depths."""
+    normals = np.stack([floor.normal for floor in floors])
+    if len(floors) == 2:
+        edge = np.cross(*normals)
+        edge /= np.linalg.norm(edge)
+        across = cells @ np.cross(edge, lid.normal)
+        width = float(across.max() - across.min())
+        normals = np.concatenate([normals, [edge, -edge]])
+    else:
+        width = float(np.ptp(cells, axis=0).max())
+    ends = (cells @ normals[len(floors) :].T).min(axis=0)
     offsets = []
-    for plane in pair:
+    unseen = sum(plane.seen is None for plane in floors)
+    depths = _DEPTHS if len(floors) == 2 or unseen == 1 else _DEPTHS[1::2]
+    for plane in floors:
         top = float((cells @ plane.normal).max())
-        heights = top - _DEPTHS * width if plane.seen is None else np.array([plane.normal @ plane.seen])
+        heights = top - depths * width if plane.seen is None else np.array([plane.normal @ plane.seen])
         offsets.append(heights[(heights < top) & (heights > top - _DEEPEST * width)])
-    for first, second in product(*offsets):
-        yield Corner((lid.normal, lid.offset), normals, np.array([first, second, *ends]))
+    for heights in product(*offsets):
+        yield Corner((lid.normal, lid.offset), normals, np.array([*heights, *ends]))
 
 
 def _measured(
@@ -256,8 +195,8 @@ def _measured(
     if not starts:
         return None
     every = gather(stack, outline, images.views.cameras.centers, scene)
-    few = _Sought(stack, every.sample(_FEW_RAYS), len(every), images.tolerance)
-    full = _Sought(stack, every.sample(_RAYS), len(every), images.tolerance)
+    few = Sought(stack, every.sample(_FEW_RAYS), len(every), images.tolerance)
+    full = Sought(stack, every.sample(_RAYS), len(every), images.tolerance)
     start = min(starts, key=lambda c: summary(*few.costs(c))[0])
     best = full.shortened(full.refined(few.refined(start)), start)
     closed, costs = full.closed(), full.costs(best)
@@ -265,10 +204,10 @@ def _measured(
     told = advantage(units_of(full.rays), closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
     good = told and new / old <= _left_by_one_floor(images, stack, scene, outline, old)
     logger.info(
-        "corner under a lid of area %.4f, normal %s, floors %s and %s: views disagree by %.2f for %.2f, "
+        "corner under a lid of area %.4f, normal %s, floors %s: views disagree by %.2f for %.2f, "
         "%.0f %% of rays against it%s",
         outline.sum() * stack.lattice.pitch**2,
-        *(np.round(n, 2).tolist() for n in (best.lid[0], *best.normals[:2])),
+        np.round(best.lid[0], 2).tolist(), np.round(best.normals[: -len(best.ends) or None], 2).tolist(),
         new, old, 100 * error, "" if good else ": not believed",
     )  # fmt: skip
     return best if good else None

@@ -67,14 +67,19 @@ def standing_free(outlines: list[Outline], stack: Stack, scene: Scene, images: I
 def _filling(
     found: list[tuple[Outline, float]], stack: Stack, scene: Scene, images: Images
 ) -> list[tuple[Outline, float]]:
-    """Those over which nothing stands that silhouettes show."""
-    if not found:
+    """Those over which nothing stands that silhouettes show; not what is as narrow as blur."""
+    cores = [ndimage.binary_erosion(outline, iterations=_BLUR_CELLS) for outline, _ in found]
+    sure = [(core, *pair) for core, pair in zip(cores, found, strict=True) if core.any()]
+    if not sure:
         return []
     chords = chords_in(scene, *images.contour_rays)
     samples = chords.samples()
-    sure = [(ndimage.binary_erosion(outline, iterations=_BLUR_CELLS), top) for outline, top in found]
-    over = [Prism(stack.lattice, outline, 0.0, False, 0.0).contains(samples, top) for outline, top in sure]
-    return [pair for pair, removed in zip(found, over, strict=True) if lost_share(chords, removed) <= _MOST_LOST]
+    over = [Prism(stack.lattice, core, 0.0, False, 0.0).contains(samples, top) for core, _, top in sure]
+    return [
+        (outline, top)
+        for (_, outline, top), removed in zip(sure, over, strict=True)
+        if lost_share(chords, removed) <= _MOST_LOST
+    ]
 
 
 def _top(stack: Stack, scene: Scene, foot: Outline) -> float:
