@@ -148,7 +148,7 @@ def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ..
 def _triples(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
     """Three planes that may be the floors under a lid."""
     facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
-    found = []
+    found: list[tuple[_Floor, ...]] = []
     for three in combinations(facing, 3):
         normals = np.column_stack([plane.normal for plane in three])
         if abs(np.linalg.det(normals)) > _LEAST_ANGLE and np.linalg.solve(normals, lid.normal).min() > _BETWEEN:
@@ -184,8 +184,8 @@ def _starts(lid: PlanarRegion, floors: Sequence[_Floor], cells: Array) -> Iterat
         top = float((cells @ plane.normal).max())
         heights = top - depths * width if plane.seen is None else np.array([plane.normal @ plane.seen])
         offsets.append(heights[(heights < top) & (heights > top - _DEEPEST * width)])
-    for heights in product(*offsets):
-        yield Corner((lid.normal, lid.offset), normals, np.array([*heights, *ends]))
+    for chosen in product(*offsets):
+        yield Corner((lid.normal, lid.offset), normals, np.array([*chosen, *ends]))
 
 
 def _measured(
