@@ -29,6 +29,7 @@ _PLACE_PX = 6.0  # side of a place, in footprints of a pixel; within it radiance
 _CAP = 3.0  # tolerances; greater differences count no more
 _COEFFICIENTS = 4  # of a place: a grey and its gradient
 _DEEPER = (0.5, 1.0, 2.0)  # radii of a circle as large as the floor
+_ONE_WAY = 0.4  # of a face's area is left of the sum of its normals: 1 of a plane, .5 of half a sphere, 0 all around
 _WITHIN = 0.9  # of the way to the next face behind
 _SIGMAS = 3.0  # by which views agree better on the floor
 _OFF = 1e-4  # unit frame; above the floor, where rays go on from
@@ -43,7 +44,7 @@ def untold_floors(scene: Scene, structure: Structure, views: Views) -> list[int]
         structure: its faces and edges.
         views: images and cameras.
     """
-    floors = _floors(structure)
+    floors = [face for face in _floors(structure) if _faces_one_way(scene.mesh, face)]
     if not floors:
         return []
     shown = whole_images(views)
@@ -59,6 +60,19 @@ def _floors(structure: Structure) -> list[int]:
         for face in edge.faces:
             around.setdefault(face, set()).add(edge.convexity == CONCAVE)
     return sorted(face for face, concave in around.items() if face >= 0 and concave == {True})
+
+
+def _faces_one_way(mesh: FaceMesh, face: int) -> bool:
+    """Whether a face looks into one direction: a neck between two shoulders has concave edges only, too."""
+    _, cross = _corners(mesh, mesh.triangles[mesh.face == face])
+    size = float(np.linalg.norm(cross, axis=1).sum())
+    return bool(np.linalg.norm(cross.sum(axis=0)) > _ONE_WAY * size)
+
+
+def _corners(mesh: FaceMesh, triangles: Indices) -> tuple[Array, Array]:
+    """(T, 3) middles of triangles (T, 3), and (T, 3) normals as long as twice their areas."""
+    a, b, c = (mesh.vertices[triangles[:, k]] for k in range(3))
+    return (a + b + c) / 3, np.cross(b - a, c - a)
 
 
 def _of(seen: Looks, face: int) -> Looks:
@@ -90,11 +104,10 @@ def _deeper(seen: Looks, scene: Scene, face: int) -> Iterator[tuple[Array, Indic
     """(N, 3) what rays would meet if a floor lay deeper, and (N,) which kind of place; for several depths."""
     mesh = scene.mesh
     triangles = mesh.triangles[mesh.face == face]
-    a, b, c = (mesh.vertices[triangles[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
+    middles, cross = _corners(mesh, triangles)
     normal = cross.sum(axis=0) / np.linalg.norm(cross.sum(axis=0))
     radius = np.sqrt(np.linalg.norm(cross, axis=1).sum() / (2 * np.pi))
-    middles = (a + b + c) / 3 - _OFF * normal
+    middles = middles - _OFF * normal
     room = _WITHIN * float(scene.hit(middles, np.broadcast_to(-normal, middles.shape))[1].min())
     for depth in sorted({min(share * radius, room) for share in _DEEPER}):
         pit, walls = _pit(mesh, triangles, depth * normal)

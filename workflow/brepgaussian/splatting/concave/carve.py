@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
+from brepgaussian.splatting.concave.shoulders import with_shoulders
 from brepgaussian.splatting.concave.sweep import straighten
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
@@ -60,6 +61,7 @@ def open_concavities(
         if not found:
             break
         # the far end of a hole may be the floor of what was found before
+        found = with_shoulders(images, scene, found, 2 * hull.spacing)
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
         margins = [_MARGIN_CELLS * hull.spacing + prism.above for prism in known]

@@ -41,6 +41,8 @@ _MOST_TURN = np.radians(6)  # of its triangles, rms: faces had up to 4.6 degrees
 _MOST_TRIED = 6  # openings, largest first
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
+_MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
+_FINS_VOXELS = (np.inf, 8.0)  # and then, as far as the views allow
 _REACH_VOXELS = 2.0  # rays on which a corner changes less than this don't judge what it cuts
 _LEAST_RAYS = 20  # that do
 _MOST_AGAINST = 0.2  # share of rays that contradict it
@@ -97,11 +99,20 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
             continue
         corner = _measured(images, stack, scene, outline, [c for pair in floors for c in _starts(lid, pair, cells)])
         if corner is not None:
-            opened = corner.cut_out(hull, 2 * hull.spacing)
+            opened = corner.cut_out(hull, _MARGIN_VOXELS * hull.spacing)
             if _agreeable(images, hull, opened):
                 found.append(corner)
-                hull = opened
+                hull = _without_fins(images, opened, corner)
     return hull
+
+
+def _without_fins(images: Images, opened: Volume, corner: Corner) -> Volume:
+    """A hull without what it has left over a corner's floors, above the lid: hulls there have more than one facet."""
+    for margin in _FINS_VOXELS:
+        bare = corner.cut_out(opened, margin * opened.spacing)
+        if (bare.field < opened.field).any() and _agreeable(images, opened, bare):
+            return bare
+    return opened
 
 
 def _agreeable(images: Images, hull: Volume, opened: Volume) -> bool:

@@ -27,6 +27,7 @@ _BREAKING = 0.5  # of the rays meet another opening below
 _MOST_DEEPER = 16  # depths tried with all rays
 _FINAL_RAYS = 240_000  # for a floor that few of the rays reach
 _FINAL_RATIO = 1.04  # of the depths tried with them
+_NEAR_DEPTHS = 9
 _TOLD_SHARE = 0.9  # of the rays through an opening leave the hull before the depth of a hole through its nearest part
 _GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
 _RIM_RAYS = 60_000
@@ -98,6 +99,30 @@ def measure(
         best.domed,
     )
     return prism, gain
+
+
+def shoulder(
+    stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scene, tolerance: float, hollow: float
+) -> float | None:
+    """Depth of the floor around a narrower hole under a round opening, unit frame; None if few rays tell.
+
+    Rays into the hole contradict a floor, and where walls and floor have one grey a deeper one loses them.
+
+    Args:
+        stack, outline, centers, scene, tolerance: as for `measure`.
+        hollow: radius of the hole, cells.
+    """
+    ends, breaks = _ends(scene, stack, outline)
+    every = gather(stack, outline, centers, scene)
+    if len(every) < _LEAST_RAYS or not ends:
+        return None
+    opening = Opening(every, _RIM_RAYS, outline, ends, tolerance, breaks)
+    opening.keep_clear(0.0)
+    depths = np.geomspace(opening.shallowest, max(opening.deepest, opening.shallowest), _DEPTHS)
+    first = opening.simplest([Shape(float(depth), hollow=hollow) for depth in depths])
+    # the shallowest that none surely betters, and a little deeper the one that is best
+    near = [replace(first, depth=first.depth * _FINAL_RATIO**k) for k in range(_NEAR_DEPTHS)]
+    return float(min(near, key=lambda shape: opening.score(shape)[0]).depth * stack.lattice.pitch)
 
 
 def _refuted(stack: Stack, outline: NDArray[np.bool_]) -> bool:

@@ -39,17 +39,17 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
     left = list(prisms)
     for i in range(len(left)):
         for j in range(i + 1, len(left)):
-            if not _face_each_other(left[i], left[j], tolerance):
+            if not face_each_other(left[i], left[j], tolerance):
                 continue
-            narrow, wide = sorted((i, j), key=lambda k: _throat(left[k]))
-            distance = _distance(left[i], left[j])
+            narrow, wide = sorted((i, j), key=lambda k: throat(left[k]))
+            distance = distance_between(left[i], left[j])
             if left[i].endless and left[j].endless and left[wide].area < _SAME_AREA * left[narrow].area:
                 left[narrow] = replace(left[narrow], depth=distance, through=True)
                 left[wide] = replace(left[wide], depth=min(left[wide].depth, distance))
             elif left[i].through and left[j].through:
                 if left[narrow].depth < distance:
                     left[narrow] = replace(left[narrow], depth=distance)
-                wider = _throat(left[wide]) - _throat(left[narrow])
+                wider = throat(left[wide]) - throat(left[narrow])
                 if wider > tolerance:
                     left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
     return left
@@ -78,7 +78,7 @@ def in_line(found: Sequence[Lidded], again: Callable[[Array, Array], Sequence[Li
                 continue
             ends = open_ends[0], open_ends[1]
         near, far = sorted((prism for prism, _ in ends), key=lambda prism: prism.error)
-        left[i] = replace(near, depth=_distance(near, far), through=True), ends[0][1]
+        left[i] = replace(near, depth=distance_between(near, far), through=True), ends[0][1]
         del left[j]
     return [prism for prism, _ in left.values()]
 
@@ -151,18 +151,18 @@ def _is_mouth_of(mouth: Prism, hole: Prism, tolerance: float) -> bool:
     return bool(inside.mean() > _SAME_MOUTH)
 
 
-def _face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:
+def face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:
     """Whether two concavities may be the two ends of one hole, which is straight but for its rims."""
     if any(first.tilt) or any(second.tilt) or first.tapered or second.tapered:
         return False
-    if first.lattice.normal @ second.lattice.normal > -_OPPOSITE or _distance(first, second) <= 0:
+    if first.lattice.normal @ second.lattice.normal > -_OPPOSITE or distance_between(first, second) <= 0:
         return False
     aside = _middle(second) - _middle(first)
     aside -= (aside @ first.lattice.normal) * first.lattice.normal
     return bool(np.linalg.norm(aside) < tolerance)
 
 
-def _throat(prism: Prism) -> float:
+def throat(prism: Prism) -> float:
     """Radius of the circle that is as large as the narrowest part."""
     cells = np.count_nonzero(signed_outline(prism.outline) < -prism.rim / prism.lattice.pitch)
     return float(np.sqrt(cells / np.pi) * prism.lattice.pitch)
@@ -173,7 +173,7 @@ def _rim_depth(prism: Prism, narrower: float) -> float:
     return (prism.sink + narrower) / prism.draft if prism.draft else 0.0
 
 
-def _distance(first: Prism, second: Prism) -> float:
+def distance_between(first: Prism, second: Prism) -> float:
     """How far the second's opening lies below the first's."""
     return float((_middle(first) - _middle(second)) @ first.lattice.normal)
 

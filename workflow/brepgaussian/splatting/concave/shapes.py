@@ -41,6 +41,7 @@ class Shape:
     through: bool = False
     sink: float = np.inf
     domed: bool = False  # the floor is a spherical cap
+    hollow: float = 0.0  # radius about the middle within which the floor is open: rays there tell nothing
 
     @property
     def walls(self) -> tuple[float, ...]:
@@ -87,6 +88,9 @@ class Opening:
         sheared, found = self._traced(shape)
         side = PLACE_CELLS if even else self.side
         against, told = disagreement(sheared, found, shape.depth, self.tolerance, shape.through, side, even)
+        if shape.hollow:
+            away = sheared.start + shape.depth * sheared.sideways - self.middle[0]
+            told &= (found < shape.depth) | (np.hypot(*away.T) > shape.hollow)
         return against, told & self._counted
 
     def keep_clear(self, grow: float | None) -> None:

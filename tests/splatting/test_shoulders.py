@@ -1,0 +1,102 @@
+"""Counterbores: the floor of a wide opening is a ring where a narrower hole goes on below."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from brepgaussian.artifacts.views import read_views
+from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave import Images, shoulders
+from brepgaussian.splatting.concave.depth import shoulder
+from brepgaussian.splatting.concave.openings import rectify
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.views.stage import make_views
+from build123d import Align, Box, Cylinder, Pos, export_step
+
+LOW = (Align.CENTER, Align.CENTER, Align.MIN)
+PITCH, SPACING = 1 / 200, 1 / 80
+TOP, BOTTOM = 0.7, 0.3  # of a block in the unit frame
+
+
+def disc(radius, level=TOP, up=1.0, depth=0.1, **more):
+    """A round opening about (.5, .5) in a plane of some height."""
+    cells = 101
+    axes = np.eye(3) * np.array([[1.0], [up], [up]])
+    corner = np.array([0.5, 0.5, level]) - cells * PITCH / 2 * (axes[0] + axes[1])
+    on = Lattice(corner, *axes, PITCH, (cells, cells))
+    outline = np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < radius
+    return Prism(on, outline, depth, False, 0.0, **more)
+
+
+def block(hole=0.0, aside=0.0):
+    grid = np.stack(np.meshgrid(*[SPACING * np.arange(81)] * 3, indexing="ij"), axis=-1)
+    inside = 0.4 - np.abs(grid[..., :2] - 0.5).max(axis=-1)
+    inside = np.minimum(inside, (TOP - BOTTOM) / 2 - np.abs(grid[..., 2] - (TOP + BOTTOM) / 2))
+    away = np.hypot(grid[..., 0] - 0.5 - aside, grid[..., 1] - 0.5) - hole
+    return Volume((np.minimum(inside, away) if hole else inside).astype(np.float32), np.zeros(3), SPACING)
+
+
+@pytest.mark.parametrize(
+    ("changes", "plain"),
+    [
+        ({}, True),
+        ({"through": True}, False),
+        ({"domed": True}, False),
+        ({"draft": 0.1}, False),
+        ({"above": 0.1}, False),
+    ],
+)
+def test_only_round_straight_openings_with_a_floor_have_shoulders(changes, plain):
+    assert shoulders._is_plain(replace(disc(0.1), **changes)) == plain
+    square = replace(disc(0.1), outline=np.pad(np.ones((41, 41), bool), 30))
+    assert not shoulders._is_plain(square)
+
+
+@pytest.mark.parametrize(
+    ("hole", "aside", "found"), [(0.0, 0.0, 0.0), (0.03, 0.0, 0.04), (0.03, 0.04, 0.07), (0.12, 0.0, 0.0)]
+)
+def test_how_wide_silhouettes_have_pierced_the_hull(hole, aside, found):
+    """Those of all of the opening are its own walls, and tell no narrower hole."""
+    radius = shoulders._pierced(block(hole, aside).scene(), disc(0.1))
+    assert radius == pytest.approx(found, abs=1.5 * PITCH)
+
+
+@pytest.mark.parametrize(("told", "depth", "through"), [(0.15, 0.15, True), (0.24, 0.25, False), (None, 0.25, False)])
+def test_a_hole_that_faces_a_counterbore_goes_up_to_its_shoulder(monkeypatch, told, depth, through):
+    wide, narrow = disc(0.1, depth=0.25, endless=True), disc(0.05, BOTTOM, -1.0, depth=0.1, endless=True)
+    beside = replace(
+        disc(0.1, depth=0.25), lattice=replace(wide.lattice, origin=wide.lattice.origin + 0.3 * np.eye(3)[0])
+    )
+    monkeypatch.setattr(shoulders, "rectify", lambda *_: None)
+    monkeypatch.setattr(shoulders, "shoulder", lambda *_: told)
+    images = SimpleNamespace(views=SimpleNamespace(cameras=SimpleNamespace(centers=None)), tolerance=1.5)
+    scene = block().scene()
+    found = shoulders.with_shoulders(images, scene, [wide, narrow, beside], 2 * SPACING)
+    assert found[0].depth == depth
+    assert found[1].through == through
+    assert found[1].depth == pytest.approx(TOP - BOTTOM - depth if through else 0.1)
+    assert found[2] is beside
+
+
+@pytest.mark.parametrize("deep", [8.0, 11.0])
+def test_the_depth_of_a_shoulder_over_a_hole_that_is_as_bright(tmp_path, deep):
+    part = Box(40, 36, 40, align=LOW) - Pos(0, 0, 40 - deep) * Cylinder(7, deep, align=LOW) - Cylinder(4, 90)
+    export_step(part, tmp_path / "part.step")
+    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
+    settings = ViewsSettings(rendered_views=40, image_size=500)
+    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
+    views = read_views(files["out_views"])
+    images, footprint = Images.of(views, 0.0), views.cameras.footprint()
+    grid = np.stack(np.meshgrid(*[np.arange(97) / 96] * 3, indexing="ij"), axis=-1)
+    half = np.array([20, 18, 20]) / 40
+    hull = Volume((half - np.abs(grid - 0.5)).min(axis=-1).astype(np.float32), np.zeros(3), 1 / 96)
+    wide = disc(7 / 40, level=1.0)
+    pitch = 1.25 * footprint
+    cells = int(0.5 / pitch)
+    on = Lattice(np.array([0.5, 0.5, 1.0]) - cells * pitch / 2 * np.array([1, 1, 0]), *np.eye(3), pitch, (cells, cells))
+    outline = np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < 7 / 40
+    stack = rectify(images, hull.scene(), on)
+    found = shoulder(stack, outline, views.cameras.centers, hull.scene(), images.tolerance, 4 / 40 / pitch)
+    assert wide.depth != found == pytest.approx(deep / 40, abs=0.02)
