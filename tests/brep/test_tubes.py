@@ -9,7 +9,8 @@ from brepgaussian.brep import assemble
 from brepgaussian.brep.job import Job, Rung
 from brepgaussian.brep.patches import make_patches
 from brepgaussian.brep.tubes import even_tubes
-from brepgaussian.geometry.surfaces import cylinder, plane, torus
+from brepgaussian.geometry.surfaces import cylinder, plane, torus, unit
+from brepgaussian.primitives.relations import RESIDUALS
 from brepgaussian.settings.brep import BrepSettings
 
 RING, TUBE, LEG, NOISE = 0.3, 0.12, 0.25, 0.0008
@@ -65,6 +66,22 @@ def test_a_leg_that_is_a_little_too_wide_or_narrow_is_as_wide_as_its_bend(kit, o
     assert verdict.doubts == ()
     expected = np.pi * TUBE**2 * (2 * LEG + RING * np.pi / 2)
     assert verdict.volume == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("off", "shift", "lean"), [(1.6, 0.5, 0.0), (0.0, 0.5, 0.0), (1.6, 0.0, 3e-3), (-2.0, -0.4, 2e-3)]
+)
+def test_a_pipe_that_misses_its_bend_by_less_than_the_noise_goes_on_smoothly(kit, off, shift, lean):
+    """Points refuse the relation where they show a leg too narrow, and then its axis is its own, too."""
+    patches = rod(kit, off * NOISE, shift * NOISE, seed=5)
+    leg = patches[1].surface
+    patches[1] = replace(patches[1], surface=replace(leg, axis=unit(leg.axis + lean * X)))
+    even = even_tubes(patches, NOISE)
+    assert np.abs(RESIDUALS["bend"](even[1].surface, even[0].surface)).max() < 1e-12
+    assert even[1].surface.axis @ leg.axis > np.cos(1.5 * lean + 1e-9)
+    verdict = built(even)
+    assert verdict.faces == 5
+    assert verdict.doubts == ()
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,15 @@ widths neither meet nor touch, and nothing lies inside of them.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from brepgaussian.brep.patches import Patch, neighbours
-from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.geometry.surfaces import Surface, unit
 from brepgaussian.primitives.relations import RESIDUALS
 
-_LINE = 1e-6  # unit frame: centre lines that are one
+_EXACT = 1e-6  # unit frame: centre lines and widths that are one
+_LINE_NOISES = 1.0  # by which the centre lines of one pipe may miss each other
+_TILT = np.sin(np.radians(1.0))  # of a pipe against its bend's plane
 _WIDTH_NOISES = 5.0  # by which the widths of one pipe may differ; a larger step is one
 
 
@@ -28,11 +32,21 @@ def even_tubes(patches: Sequence[Patch], noise: float) -> list[Patch]:
         ring = patches[i].surface
         for k in neighbours(i, patches, "cylinder"):
             if _goes_on(patches[k].surface, ring, noise):
-                result[k] = replace(patches[k], surface=replace(patches[k].surface, radius=ring.minor))
+                result[k] = replace(patches[k], surface=_continued(patches[k].surface, ring))
     return result
 
 
 def _goes_on(pipe: Surface, ring: Surface, noise: float) -> bool:
-    """Whether a cylinder's axis touches a torus's centre line, and it is about as wide as the tube, but not quite."""
-    *line, width = (abs(float(v)) for v in RESIDUALS["bend"](pipe, ring))
-    return pipe.flipped == ring.flipped and max(line) < _LINE and 0 < width < _WIDTH_NOISES * noise
+    """Whether a cylinder's axis about touches a torus's centre line, and it is about as wide as the tube; not quite."""
+    tilt, *line, width = (abs(float(v)) for v in RESIDUALS["bend"](pipe, ring))
+    about = tilt < _TILT and max(line) < _LINE_NOISES * noise and width < _WIDTH_NOISES * noise
+    return pipe.flipped == ring.flipped and about and max(tilt, *line, width) > _EXACT
+
+
+def _continued(pipe: Surface, ring: Surface) -> Surface:
+    """The cylinder that goes on smoothly where a torus' tube ends, nearest to another one."""
+    axis = unit(pipe.axis - (pipe.axis @ ring.axis) * ring.axis)
+    offset = pipe.origin - ring.origin
+    arm = unit(offset - (offset @ axis) * axis - (offset @ ring.axis) * ring.axis)
+    along = ring.origin + (offset @ axis) * axis
+    return replace(pipe, origin=along + ring.radius * arm, axis=axis, radius=ring.minor)

@@ -64,7 +64,7 @@ def with_shoulders(images: Images, scene: Scene, prisms: Sequence[Prism], tolera
         )  # fmt: skip
         if depth is not None and good:
             left[i] = replace(wide, depth=depth, endless=False)
-            for k in (k for k in narrow if left[k].endless):
+            for k in narrow:
                 through = distance_between(wide, left[k]) - depth
                 left[k] = replace(left[k], depth=max(through, left[k].depth), through=True, endless=False)
     return left
