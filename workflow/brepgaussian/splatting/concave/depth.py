@@ -27,7 +27,8 @@ _BREAKING = 0.5  # of the rays meet another opening below
 _MOST_DEEPER = 16  # depths tried with all rays
 _FINAL_RAYS = 240_000  # for a floor that few of the rays reach
 _FINAL_RATIO = 1.04  # of the depths tried with them
-_NEAR_DEPTHS = 9
+_NEAR_RATIO = 1.02  # of the depths tried about the one that few rays tell,
+_SHALLOWER, _DEEPER = -3, 18  # from how many steps above it to how many below
 _TOLD_SHARE = 0.9  # of the rays through an opening leave the hull before the depth of a hole through its nearest part
 _GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
 _RIM_RAYS = 60_000
@@ -120,9 +121,16 @@ def shoulder(
     opening.keep_clear(0.0)
     depths = np.geomspace(opening.shallowest, max(opening.deepest, opening.shallowest), _DEPTHS)
     first = opening.simplest([Shape(float(depth), hollow=hollow) for depth in depths])
-    # the shallowest that none surely betters, and a little deeper the one that is best
-    near = [replace(first, depth=first.depth * _FINAL_RATIO**k) for k in range(_NEAR_DEPTHS)]
-    return float(min(near, key=lambda shape: opening.score(shape)[0]).depth * stack.lattice.pitch)
+    # the shallowest that none surely betters, and about it, by all rays, the one that is best
+    full = Opening(every, _FINAL_RAYS, outline, ends, tolerance, breaks)
+    full.keep_clear(0.0)
+    ratios = _NEAR_RATIO ** np.arange(_SHALLOWER, _DEEPER + 1.0)
+    costs = [full.score(replace(first, depth=float(first.depth * ratio)))[0] for ratio in ratios]
+    best = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+    left, least, right = costs[best - 1 : best + 2]
+    bend = left - 2 * least + right
+    moved = np.clip((left - right) / (2 * bend), -1, 1) if bend > 0 else 0.0  # to the bottom of a parabola
+    return float(first.depth * ratios[best] * _NEAR_RATIO**moved * stack.lattice.pitch)
 
 
 def _refuted(stack: Stack, outline: NDArray[np.bool_]) -> bool:
