@@ -30,7 +30,8 @@ _OPENING_CELLS = 3  # a narrower part of a refuted region is blur
 _RAYS, _FEW_RAYS = 60_000, 10_000
 _FACING = (0.15, 0.985)  # cosines between a lid and a floor under it
 _LEAST_ANGLE = 0.5  # sine of the angle between the floors
-_ALONG = 0.1  # sine of the angle between a lid and the edge in which the floors meet
+_ALONG = 0.2  # sine of the angle between a lid and the edge in which the floors meet
+_LARGE_FACE = 0.5  # of a lid's area has a face that a third floor may be parallel to: no strip along a hull's edge
 _BETWEEN = 0.1  # least share of each floor's normal in the lid's
 _PARALLEL = 0.996  # cosine of 5 degrees: a piece of a face in the hull may lean so from the face's other side
 _DEPTHS = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9])  # under a lid, in the opening's widths, where no face is known
@@ -39,6 +40,7 @@ _LEAST_FLOOR = 0.15  # of a lid's area is seen of a floor elsewhere
 _MOST_REFUTED = 0.3  # of a face that is a floor; of a hull's skin between faces views refute most
 _MOST_TURN = np.radians(6)  # of its triangles, rms: faces had up to 4.6 degrees, strips of a hull's skin 6.9 and more
 _MOST_TRIED = 6  # openings, largest first
+_MOST_REFINED = 4  # sets of floors under one of them, those that explain most rays as they are
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
 _MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
@@ -83,11 +85,12 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
         for (region, area, _), stack in zip(wide, stacks, strict=True)
         if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum() and region.turn(*mesh) < _MOST_TURN
     ]
-    directions = _distinct([*backs, *(sign * floor.normal for floor, _ in seen for sign in (1, -1))])
     sought = []
     for (lid, area, _), stack in zip(wide, stacks, strict=True):
         enough = [floor for floor, size in seen if size >= _LEAST_FLOOR * area]
         pairs = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *enough])
+        large_ones = [floor.normal for floor, size in seen if size >= _LARGE_FACE * area]
+        directions = _distinct([*backs, *(sign * normal for normal in large_ones for sign in (1, -1))])
         floors = [*pairs, *_triples(lid, [*(_Floor(normal, None) for normal in directions), *enough])]
         if floors:
             sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
@@ -97,7 +100,7 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
         cells = stack.lattice.centers()[outline]
         if any(c.contains(cells).mean() > _TOLD_ONCE for c in found):
             continue
-        corner = _measured(images, stack, scene, outline, [c for pair in floors for c in _starts(lid, pair, cells)])
+        corner = _measured(images, stack, scene, outline, [list(_starts(lid, some, cells)) for some in floors])
         if corner is not None:
             opened = corner.cut_out(hull, _MARGIN_VOXELS * hull.spacing)
             if _agreeable(images, hull, opened):
@@ -200,16 +203,22 @@ def _starts(lid: PlanarRegion, floors: Sequence[_Floor], cells: Array) -> Iterat
 
 
 def _measured(
-    images: Images, stack: Stack, scene: Scene, outline: NDArray[np.bool_], starts: Sequence[Corner]
+    images: Images, stack: Stack, scene: Scene, outline: NDArray[np.bool_], starts: Sequence[Sequence[Corner]]
 ) -> Corner | None:
-    """The best corner under an opening, or None if the rays don't tell one."""
-    if not starts:
+    """The best corner under an opening, or None if the rays don't tell one; `starts` for each set of floors."""
+    if not any(starts):
         return None
     every = gather(stack, outline, images.views.cameras.centers, scene)
     few = Sought(stack, every.sample(_FEW_RAYS), len(every), images.tolerance)
     full = Sought(stack, every.sample(_RAYS), len(every), images.tolerance)
-    start = min(starts, key=lambda c: summary(*few.costs(c))[0])
-    best = full.shortened(full.refined(few.refined(start)), start)
+
+    def cost(corner: Corner) -> float:
+        return summary(*few.costs(corner))[0]
+
+    likely = sorted((min(some, key=cost) for some in starts if some), key=cost)[:_MOST_REFINED]
+    refined = [few.refined(start) for start in likely]
+    chosen = min(range(len(refined)), key=lambda k: cost(refined[k]))
+    best = full.shortened(full.refined(refined[chosen]), likely[chosen])
     closed, costs = full.closed(), full.costs(best)
     old, (new, error) = summary(*closed)[0], summary(*costs)
     told = advantage(units_of(full.rays), closed, costs) > SURE and new <= _GAIN * old and error <= _MOST_AGAINST
