@@ -75,7 +75,7 @@ def test_a_hole_that_faces_a_counterbore_goes_up_to_its_shoulder(monkeypatch, to
     scene = block().scene()
     found = shoulders.with_shoulders(images, scene, [wide, narrow, beside], 2 * SPACING)
     assert found[0].depth == depth
-    assert found[1].through == through
+    assert found[0].ring == found[1].through == through
     assert found[1].depth == pytest.approx(TOP - BOTTOM - depth if through else 0.1)
     assert found[2] is beside
 

@@ -86,7 +86,7 @@ def open_concavities(
         for k, prism in longer.items():
             known[k], hull = prism, hull.without(prism, margins[k])
         scene = hull.scene() if longer else scene
-        floors = [known[k] for k in fresh]
+        floors = [known[k] for k in fresh if not known[k].ring]
         if not floors:
             break
     for found_prism in find_curved(images, scene, hull.spacing, known):

@@ -89,6 +89,7 @@ class Prism:
         above: how high the hull stands over the opening, where it fills the corner beside a hub.
         section: what the outline is a drawing of, if it is one of the usual ones; its walls are straight.
         islands: what stands on its floor and ends below its opening: straight, from a top (the lattice) down.
+        ring: whether its floor is a shoulder around a hole that is known: nothing else is sought in it.
     """
 
     lattice: Lattice
@@ -104,6 +105,7 @@ class Prism:
     above: float = 0.0
     section: Section | None = None
     islands: tuple["Prism", ...] = ()
+    ring: bool = False
 
     @property
     def area(self) -> float:

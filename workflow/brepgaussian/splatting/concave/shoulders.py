@@ -63,7 +63,7 @@ def with_shoulders(images: Images, scene: Scene, prisms: Sequence[Prism], tolera
             wide.area, hollow, "unknown" if depth is None else f"{depth:.4f}", wide.depth, "" if good else ": kept",
         )  # fmt: skip
         if depth is not None and good:
-            left[i] = replace(wide, depth=depth, endless=False)
+            left[i] = replace(wide, depth=depth, endless=False, ring=bool(narrow))
             for k in narrow:
                 through = distance_between(wide, left[k]) - depth
                 left[k] = replace(left[k], depth=max(through, left[k].depth), through=True, endless=False)
