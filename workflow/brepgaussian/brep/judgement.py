@@ -97,6 +97,12 @@ def calms(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings
     return after < _CALMED * before and bears(new, old, settings)
 
 
+def as_good(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether the images accept both solids, and one no less than the other."""
+    accepted = bool(new.get("accepted")) and bool(old.get("accepted"))
+    return accepted and badness(dict(new), settings) <= _NO_WORSE * badness(dict(old), settings)
+
+
 def objections(report: Mapping[str, Any], settings: BrepSettings) -> tuple[float, ...]:
     """All that the images have against a solid, in limits: of its edges, its masks, its places; () if not known."""
     details = report.get("refinement")

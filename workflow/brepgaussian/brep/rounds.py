@@ -15,7 +15,7 @@ from brepgaussian.brep.features import SPACING, WIDTHS, bad_edges, chamfer_of, p
 from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.simplify import Change
-from brepgaussian.brep.structure import CONCAVE, CONVEX, Edge, Structure
+from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Structure
 from brepgaussian.geometry.chains import resample
 from brepgaussian.geometry.surfaces import Surface
 
@@ -28,6 +28,7 @@ _ALIKE = 0.02  # of their length that two edges of a set differ by,
 _PARALLEL = np.cos(np.radians(2.0))  # and between their directions
 _AS_FAR = 1 / (2 - np.sqrt(2))  # radius over a chamfer's leg where both take a square edge back by the same length
 _FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's end the faces are hardly off
+_RADIUS_DIGITS = 3  # of radii that are one
 _MOST_SETS = 2  # that are tried, those with most places first
 
 
@@ -65,6 +66,53 @@ def roundings(
         return []
     found = (_rounded(bad, surfaces, patches, width) for width in WIDTHS)
     return [change for change in found if change is not None]
+
+
+def completed(structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch]) -> list[Change]:
+    """One change for every radius: fillets on the sharp corners of a pocket whose other corners are rounded.
+
+    A cutter leaves no sharp ones, and views tell little of a corner deep inside.
+
+    Args:
+        structure, surfaces, patches: as of `fillets`.
+    """
+    sharp: dict[float, set[int]] = {}
+    for index, face in enumerate(structure.faces):
+        rounded = surfaces[face.surface] if face.surface >= 0 else None
+        if rounded is None or rounded.kind != "cylinder" or rounded.flipped == face.flipped:
+            continue
+        around = [e for e in structure.edges if index in e.faces]
+        sides = [e for e in around if e.convexity == SMOOTH and e.kind == "line"]
+        if len(sides) == 2:
+            ends = {f for e in around if e.convexity != SMOOTH for f in e.faces} - {index}
+            walls = {f for e in sides for f in e.faces} - {index}
+            alike = {k for k, e in enumerate(structure.edges)
+                     if _is_corner(e, surfaces) and _as_long(e, sides[0]) and ends <= _met(structure, e)}  # fmt: skip
+            sharp.setdefault(round(rounded.radius, _RADIUS_DIGITS), set()).update(_along(structure, alike, walls))
+    changes = (
+        _filleted([structure.edges[k] for k in sorted(found)], surfaces, patches, radius)
+        for radius, found in sorted(sharp.items())
+        if found
+    )
+    return [change for change in changes if change is not None]
+
+
+def _along(structure: Structure, corners: set[int], walls: set[int]) -> set[int]:
+    """Those corners that one meets going along walls: of another pocket they are none."""
+    found: set[int] = set()
+    while fresh := {k for k in corners - found if walls & set(structure.edges[k].faces)}:
+        found |= fresh
+        walls = walls | {f for k in fresh for f in structure.edges[k].faces}
+    return found
+
+
+def _is_corner(edge: Edge, surfaces: Sequence[Surface]) -> bool:
+    return edge.convexity == CONCAVE and _between_planes(edge, surfaces)
+
+
+def _met(structure: Structure, edge: Edge) -> set[int]:
+    """Faces at both ends of an edge."""
+    return {f for v in edge.vertices for f in structure.vertices[v].faces}
 
 
 def _rounded(

@@ -12,12 +12,12 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.facets import facets_as_fillets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import Shape, against, bears, calms, in_doubt, mends, shape_of, short_of, size
+from brepgaussian.brep.judgement import Shape, against, as_good, bears, calms, in_doubt, mends, shape_of, short_of, size
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import grooved, straightened
 from brepgaussian.brep.regroup import regrouped
-from brepgaussian.brep.rounds import fillets, roundings
+from brepgaussian.brep.rounds import completed, fillets, roundings
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.slants import refused_slants, slants
@@ -77,6 +77,7 @@ class Trials:
                 self.left = self.left.other(settings.simplify_solids, settings.simplify_trials)
                 self.refused.clear()
                 self._simplified()
+        self._completed()
         return self._noted()
 
     def _simplified(self) -> None:
@@ -131,6 +132,17 @@ class Trials:
         for change in changes:
             if self._tried([change], simpler=False, enough=calms):
                 break
+
+    def _completed(self) -> None:
+        """Try all corners of a pocket rounded where some are: images hardly tell, so they only have to bear it."""
+        structure = self.best.attempt.verdict.structure
+        if structure is None or not self.best.report.get("accepted"):
+            return
+        changes = completed(structure, self.best.attempt.surfaces, self._refined().patches)
+        if changes:
+            self.job, self.left = self._refined(), self.left.other(_RUNGS * len(changes), len(changes))
+        for change in changes:
+            self._tried([change], simpler=False, enough=as_good)
 
     def _noted(self) -> Polished:
         """The best solid, with what was tried in its report."""
