@@ -11,7 +11,7 @@ from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Rung
 from brepgaussian.brep.ladder import make_job
 from brepgaussian.brep.patches import Patch, make_patches
-from brepgaussian.brep.simplify import Change, applied, compatible, complexity, proposals
+from brepgaussian.brep.simplify import Change, _between_fillets, applied, compatible, complexity, proposals
 from brepgaussian.brep.trials import Trials
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus
@@ -149,6 +149,33 @@ def test_the_flat_start_of_a_fillet_may_be_none(turn_deg, curved, proposed):
     found = [c for c in proposals(patches, SIGMA, 0) if c.name == "without patch 3"]
     assert bool(found) == proposed
     assert all(c.excused == pytest.approx(100 / sum(len(p.xyz) for p in patches)) for c in found)
+
+
+@pytest.mark.parametrize(("second", "dropped"), [(0.04, False), (0.06, True), (None, True)])
+def test_a_short_wall_between_two_alike_fillets_is_not_left_out(second, dropped):
+    """Without the end of a pocket its two corners would cross, where views are as blind as in the corners."""
+    radius, rng = 0.04, np.random.default_rng(2)
+
+    def corner(side, radius):
+        axis = np.array([0.3 + radius, 0.5 + side * (0.05 + radius), 0.5])
+        turn, height = rng.uniform(0, np.pi / 2, 300), rng.uniform(-0.02, 0.02, 300)
+        xyz = axis + np.column_stack([-radius * np.cos(turn), side * radius * np.sin(turn), height])
+        surface = cylinder(axis, np.array([0, 0, 1.0]), radius, flipped=True)
+        return Patch(surface, 1, xyz, surface.normals(xyz), 0.02, SIGMA)
+
+    wall = plane(np.array([0.3, 0.5, 0.5]), np.array([1.0, 0, 0]))
+    edge = np.column_stack([np.full(80, 0.3), rng.uniform(0.45, 0.55, 80), rng.uniform(0.48, 0.52, 80)])
+    far = plane(np.array([0.9, 0.5, 0.5]), np.array([-1.0, 0, 0]))
+    rest = np.column_stack([np.full(9000, 0.9), rng.uniform(0, 1, (9000, 2))])
+    patches = [Patch(wall, 3, edge, wall.normals(edge), 0.05, SIGMA), corner(1, radius)]
+    patches += [corner(-1, second)] if second else []
+    patches += [Patch(far, 9, rest, far.normals(rest), 0.02, SIGMA)]
+    shallow = [
+        replace(p, surface=replace(p.surface, radius=1.0, origin=np.add(p.surface.origin, [1, 0, 0]))) for p in patches
+    ]
+    assert _between_fillets(0, patches) != dropped
+    assert not _between_fillets(1, patches)
+    assert not _between_fillets(0, [patches[0], *shallow[1:]])
 
 
 def test_changes_of_one_patch_are_not_taken_together(block):

@@ -38,6 +38,8 @@ _SMALL = 0.015  # of all points: larger patches are not left out
 _HALF = 0.5  # of a small patch's points that others must explain
 _TINY = 0.006  # of all points: so few may be all of a rounded-off inner edge,
 _ROUNDED = 0.012  # unit frame: which stands off the faces beside it by up to the width of its fringe
+_EQUAL = 0.1  # of a radius: fillets that are alike, and how far one may miss the wall that it touches
+_ACROSS = np.sin(np.radians(5.0))  # between a wall's plane and its fillet's axis
 _STRIP = 0.03  # of all points: planes that meet another one so bluntly that modelled faces hardly do,
 _BLUNT = np.cos(np.radians(15.0))  # may be the flat start of a fillet
 
@@ -182,7 +184,7 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
     for index in sorted(range(len(patches)), key=lambda k: len(patches[k].xyz)):
         patch = patches[index]
         strip = len(patch.xyz) <= _STRIP * total and _starts_fillet(index, patches)
-        if len(patch.xyz) > _SMALL * total and not strip:
+        if (len(patch.xyz) > _SMALL * total and not strip) or _between_fillets(index, patches):
             continue
         off = np.full(len(patch.xyz), np.inf)
         for other in (p for k, p in enumerate(patches) if k != index):
@@ -193,6 +195,27 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
         if np.mean(off <= limit) >= _HALF:
             excused = len(patch.xyz) / total if strip else 0.0
             yield Change(f"without patch {patch.primitive}", (index,), (), excused)
+
+
+def _between_fillets(index: int, patches: Sequence[Patch]) -> bool:
+    """Whether a plane goes over into fillets of one radius on two sides: without it they would cross."""
+    own = patches[index].surface
+    if own.kind != "plane":
+        return False
+    touching = [s for k in neighbours(index, patches, "cylinder") if _touches(own, s := patches[k].surface)]
+    return any(
+        first.flipped == second.flipped
+        and abs(first.radius - second.radius) < _EQUAL * first.radius
+        and np.linalg.norm(np.cross(second.origin - first.origin, first.axis)) > first.radius
+        for first, second in combinations(touching, 2)
+    )
+
+
+def _touches(flat: Surface, round_: Surface) -> bool:
+    if abs(float(flat.axis @ round_.axis)) > _ACROSS:
+        return False
+    away = abs(float((round_.origin - flat.origin) @ flat.axis))
+    return abs(away - round_.radius) < _EQUAL * round_.radius
 
 
 def _starts_fillet(index: int, patches: Sequence[Patch]) -> bool:
