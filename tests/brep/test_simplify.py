@@ -11,7 +11,7 @@ from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Rung
 from brepgaussian.brep.ladder import make_job
 from brepgaussian.brep.patches import Patch, make_patches
-from brepgaussian.brep.simplify import Change, _between_fillets, applied, compatible, complexity, proposals
+from brepgaussian.brep.simplify import Change, applied, between_fillets, compatible, complexity, proposals
 from brepgaussian.brep.trials import Trials
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus
@@ -173,9 +173,9 @@ def test_a_short_wall_between_two_alike_fillets_is_not_left_out(second, dropped)
     shallow = [
         replace(p, surface=replace(p.surface, radius=1.0, origin=np.add(p.surface.origin, [1, 0, 0]))) for p in patches
     ]
-    assert _between_fillets(0, patches) != dropped
-    assert not _between_fillets(1, patches)
-    assert not _between_fillets(0, [patches[0], *shallow[1:]])
+    assert between_fillets(0, patches) != dropped
+    assert not between_fillets(1, patches)
+    assert not between_fillets(0, [patches[0], *shallow[1:]])
 
 
 def test_changes_of_one_patch_are_not_taken_together(block):

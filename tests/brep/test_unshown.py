@@ -45,3 +45,10 @@ def test_a_large_face_and_one_with_smooth_edges_only_stay():
     assert case([row(0, 0.02), row(1), row(2)], counts=(1000, 1000, 300)) == []
     smooth = (edge(0, 1), edge(0, 2, SMOOTH), edge(1, 2, SMOOTH))
     assert case([row(0, 0.02), row(1), row(2)], edges=smooth) == []
+
+
+def test_a_wall_between_two_fillets_stays(monkeypatch):
+    rows = [row(0, 0.02), row(1), row(2, None, 3.0)]
+    assert len(case(rows)) == 1
+    monkeypatch.setattr("brepgaussian.brep.unshown.between_fillets", lambda index, _: index == 2)
+    assert case(rows) == []

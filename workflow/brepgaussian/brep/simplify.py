@@ -184,7 +184,7 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
     for index in sorted(range(len(patches)), key=lambda k: len(patches[k].xyz)):
         patch = patches[index]
         strip = len(patch.xyz) <= _STRIP * total and _starts_fillet(index, patches)
-        if (len(patch.xyz) > _SMALL * total and not strip) or _between_fillets(index, patches):
+        if (len(patch.xyz) > _SMALL * total and not strip) or between_fillets(index, patches):
             continue
         off = np.full(len(patch.xyz), np.inf)
         for other in (p for k, p in enumerate(patches) if k != index):
@@ -197,7 +197,7 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
             yield Change(f"without patch {patch.primitive}", (index,), (), excused)
 
 
-def _between_fillets(index: int, patches: Sequence[Patch]) -> bool:
+def between_fillets(index: int, patches: Sequence[Patch]) -> bool:
     """Whether a plane goes over into fillets of one radius on two sides: without it they would cross."""
     own = patches[index].surface
     if own.kind != "plane":

@@ -9,7 +9,7 @@ from typing import Any
 
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.shown import edge_rows, is_shown
-from brepgaussian.brep.simplify import Change
+from brepgaussian.brep.simplify import Change, between_fillets
 from brepgaussian.brep.structure import SMOOTH, Structure
 
 _MOST = 0.04  # of all points: a larger face is none that nobody sees
@@ -17,6 +17,8 @@ _MOST = 0.04  # of all points: a larger face is none that nobody sees
 
 def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapping[str, Any]]) -> list[Change]:
     """Each patch left out no sharp edge of which the images show; its own points may leave the solid with it.
+
+    Not a wall between two fillets, whose other edges are smooth: without it these would cross.
 
     Args:
         structure: of the present solid.
@@ -29,6 +31,6 @@ def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapp
     for index, patch in enumerate(patches):
         own = [k for k, e in enumerate(structure.edges) if index in e.surfaces and e.convexity != SMOOTH]
         share = len(patch.xyz) / total
-        if own and share <= _MOST and shown.isdisjoint(own):
+        if own and share <= _MOST and shown.isdisjoint(own) and not between_fillets(index, patches):
             found.append(Change(f"without patch {patch.primitive}, which no image shows", (index,), (), share))
     return found
