@@ -1,5 +1,7 @@
 """Fillets proposed beside places that parallax puts elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brep_support import patches_of
@@ -128,3 +130,27 @@ def test_a_refused_edge_between_planes_is_rounded_as_far_back_as_a_chamfer(degre
         )
         == []
     )
+
+
+def test_corners_of_another_radius_are_proposed_from_the_solid_that_has_the_first(monkeypatch):
+    """A change names patches by their place, and a change that is taken moves them."""
+    _, surfaces, patches = pocket()
+    job = Job(tuple(patches), (), np.zeros((0, 3)), (), None, BrepSettings())
+    attempt = Attempt("support", None, Verdict((), structure=Structure((), (), ())), tuple(surfaces))
+    trials = Trials(None, None, job, Rung("support", 0.04), Polished(attempt, {"accepted": True}), Budget(9, 9))
+    asked, tried = [], []
+
+    def propose(structure, surfaces, patches):
+        asked.append(len(patches))
+        return [f"{len(asked)}a", f"{len(asked)}b"] if len(asked) < 3 else []
+
+    def take(changes, **_):
+        tried.extend(changes)
+        trials.job = replace(trials.job, patches=trials.job.patches[:-1])
+        return True
+
+    monkeypatch.setattr("brepgaussian.brep.trials.completed", propose)
+    monkeypatch.setattr(trials, "_tried", take)
+    trials._completed()
+    assert tried == ["1a", "2a"]
+    assert asked == [4, 3, 2]

@@ -144,8 +144,8 @@ def test_the_flat_start_of_a_fillet_may_be_none(turn_deg, curved, proposed):
     patches = [
         patch(1, plane([0, 0, 0], [0, 0, 1]), floor),
         patch(2, round_face, round_face.project(on_arc(angle))),
-        patch(3, lean, strip[:: 4]),
-    ]  # fmt: skip
+        patch(3, lean, strip[::4]),
+    ]
     found = [c for c in proposals(patches, SIGMA, 0) if c.name == "without patch 3"]
     assert bool(found) == proposed
     assert all(c.excused == pytest.approx(100 / sum(len(p.xyz) for p in patches)) for c in found)

@@ -84,17 +84,19 @@ def start_of(solid, surfaces, seed: int, angle_deg: float = 0.5, length: float =
     return move_structure(structure, moved), follow(mesh, structure, moved), moved, mesh
 
 
+def on_triangles(corners, count: int, rng):
+    """(count, 3) points spread evenly over triangles (T, 3, 3)."""
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    pick = rng.choice(len(area), count, p=area / area.sum())
+    return np.einsum("nk,nki->ni", rng.dirichlet([1, 1, 1], count), corners[pick])
+
+
 def surface_error(mesh, truth) -> float:
     """Mean distance of a mesh to the true mesh and back (20,000 points each)."""
     import open3d as o3d
 
     def one_way(a, b):
-        rng = np.random.default_rng(0)
-        corners = a.vertices[a.triangles]
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        pick = rng.choice(len(area), 20000, p=area / area.sum())
-        w = rng.dirichlet([1, 1, 1], 20000)
-        points = np.einsum("nk,nki->ni", w, corners[pick])
+        points = on_triangles(a.vertices[a.triangles], 20000, np.random.default_rng(0))
         scene = o3d.t.geometry.RaycastingScene()
         scene.add_triangles(
             o3d.core.Tensor(b.vertices.astype(np.float32)), o3d.core.Tensor(b.triangles.astype(np.uint32))

@@ -9,7 +9,7 @@ from brepgaussian.brep.rounds import completed
 from brepgaussian.brep.structure import extract
 from brepgaussian.settings.brep import BrepSettings
 from build123d import Align, Axis, Box, Pos, fillet
-from refine_support import surfaces_of, unit_solid
+from refine_support import on_triangles, surfaces_of, unit_solid
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 RADIUS = 3
@@ -17,8 +17,7 @@ RADIUS = 3
 
 def solid_with(rounded, outside=False):
     """A block with a pocket, `rounded` of whose four corners are; or a block with corners like that."""
-    tool = Pos(0, 0, 12) * Box(24, 16, 8, align=LOW)
-    body = Pos(0, 0, 0) * Box(24, 16, 8, align=LOW) if outside else tool
+    body = Pos(0, 0, 12) * Box(24, 16, 8, align=LOW)
     edges = body.edges().filter_by(Axis.Z).sort_by(Axis.X)[:rounded]
     body = fillet(edges, RADIUS) if rounded else body
     return unit_solid(body if outside else Box(40, 30, 20, align=LOW) - body)
@@ -30,10 +29,7 @@ def asked(solid):
     rng, patches = np.random.default_rng(0), []
     owner = np.array([face.surface for face in structure.faces])[mesh.face]
     for k, surface in enumerate(surfaces):
-        corners = mesh.vertices[mesh.triangles[owner == k]]  # (T, 3, 3)
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        pick = rng.choice(len(area), 2000, p=area / area.sum())
-        xyz = surface.project(np.einsum("nk,nkc->nc", rng.dirichlet([1, 1, 1], 2000), corners[pick]))
+        xyz = surface.project(on_triangles(mesh.vertices[mesh.triangles[owner == k]], 2000, rng))
         patches.append(Patch(surface, k, xyz, surface.normals(xyz), 0.02, 1e-3))
     return completed(structure, surfaces, patches)
 

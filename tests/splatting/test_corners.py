@@ -5,25 +5,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.artifacts.truth import read_truth
-from brepgaussian.artifacts.views import read_views
-from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Images, corners, rooms
 from brepgaussian.splatting.concave.corners import Corner
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.hull import carve
-from brepgaussian.views.stage import make_views
-from build123d import Align, Box, Plane, Polyline, Pos, export_step, extrude, make_face
+from build123d import Align, Box, Plane, Polyline, Pos, extrude, make_face
+from rendered import rendered
 
 
-def rendered(tmp_path, part):
-    """Views and truth of a solid, 30 views of 400 px."""
-    export_step(part, tmp_path / "part.step")
-    settings = ViewsSettings(rendered_views=30, image_size=400)
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
-    return read_views(files["out_views"]), read_truth(files["out_truth"])
+def check_opened(views, truth, longest, inside, beyond):
+    """Places (N, 3) inside a corner are closed in the hull that silhouettes leave; in the opened one they are free,
+    and those beyond its floors are not."""
+    distance = [
+        Scene(hull.vertices, hull.triangles).signed_distance(truth.mesh_vertices.min(axis=0) + points / longest)
+        for hull in (carve(views, 96, 1, False)[0], carve(views, 96, 1, True)[0])
+        for points in (inside, beyond)
+    ]
+    assert (distance[0] < 0).all()  # silhouettes do not show it
+    assert (distance[2] > 0).all()
+    assert (distance[3] < 0).all()
 
 
 @pytest.mark.parametrize("thick", [5, 12])
@@ -35,14 +36,7 @@ def test_the_corner_between_two_webs_is_opened_down_to_both_floors(tmp_path, thi
     near = 1.5  # of each floor, and of a web
     inside = np.array([[6 + near, 25, 15], [15, 25, 6 + near], [9, thick + near, 9]])
     beyond = np.array([[6 - near, 25, 15], [15, 25, 6 - near], [9, thick - near, 9]])
-    distance = [
-        Scene(hull.vertices, hull.triangles).signed_distance(truth.mesh_vertices.min(axis=0) + points / 50)
-        for hull in (carve(views, 96, 1, False)[0], carve(views, 96, 1, True)[0])
-        for points in (inside, beyond)
-    ]
-    assert (distance[0] < 0).all()  # silhouettes do not show it
-    assert (distance[2] > 0).all()
-    assert (distance[3] < 0).all()
+    check_opened(views, truth, 50, inside, beyond)
 
 
 def test_corners_beside_one_web_are_opened_down_to_three_floors(tmp_path):
@@ -54,14 +48,7 @@ def test_corners_beside_one_web_are_opened_down_to_three_floors(tmp_path):
     near = 1.5  # of each floor
     inside = np.array([[6 + near, y, z] for y in (17 - near, 23 + near) for z in (6 + near, 12)])
     beyond = np.array([[6 - near, 10, 15], [15, 10, 6 - near], [9, 17 + near, 9], [9, 23 - near, 9]])
-    distance = [
-        Scene(hull.vertices, hull.triangles).signed_distance(truth.mesh_vertices.min(axis=0) + points / 42)
-        for hull in (carve(views, 96, 1, False)[0], carve(views, 96, 1, True)[0])
-        for points in (inside, beyond)
-    ]
-    assert (distance[0] < 0).all()  # silhouettes do not show it
-    assert (distance[2] > 0).all()
-    assert (distance[3] < 0).all()
+    check_opened(views, truth, 42, inside, beyond)
 
 
 def test_a_lid_over_three_floors_and_one_over_two():
@@ -78,8 +65,9 @@ def test_a_lid_over_three_floors_and_one_over_two():
     cells = 0.6 + 0.2 * np.eye(3)
     started = list(corners._starts(slanted, [*floors[:2], unseen[2]], cells))
     assert len({c.offsets[2] for c in started}) == len(started) == 6
-    assert all(c.ends == range(2, 2) and c.offsets[0] == c.offsets[1] == 0.5 for c in started)
-    assert next(corners._starts(along, floors[:2], cells)).ends == range(2, 4)
+    assert all(c.floors == len(c.normals) == 3 and c.offsets[0] == c.offsets[1] == 0.5 for c in started)
+    between = next(corners._starts(along, floors[:2], cells))
+    assert (between.floors, len(between.normals)) == (2, 4)
 
 
 def test_directions_are_told_once():

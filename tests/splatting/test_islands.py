@@ -14,7 +14,8 @@ from brepgaussian.splatting.concave.sections import PIECES, Rounded, Section
 from brepgaussian.splatting.concave.walls import Walls
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
-from build123d import Align, Box, Pos, export_step
+from build123d import Align, Box, Pos
+from rendered import rendered
 
 PITCH = 0.01
 
@@ -85,11 +86,7 @@ def test_bosses_in_the_corners_of_a_pocket_stand_where_they_are(tmp_path):
     case = Box(66, 48, 24, align=low) - Pos(0, 0, 4) * Box(58, 40, 24, align=low)
     for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         case += Pos(24 * x, 15 * y, 4) * Box(10, 10, 13, align=low)
-    export_step(case, tmp_path / "part.step")
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    settings = ViewsSettings(rendered_views=40, image_size=400)
-    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
-    views, truth = read_views(files["out_views"]), read_truth(files["out_truth"])
+    views, truth = rendered(tmp_path, case, 40)
     hull, _ = carve(views, 128, concavities=True)
     scene = Scene(hull.vertices, hull.triangles)
     at = truth.mesh_vertices.min(axis=0) + np.array([33, 24, 0]) / 66

@@ -5,27 +5,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.artifacts.views import read_views
-from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Images, shoulders
 from brepgaussian.splatting.concave.depth import shoulder
 from brepgaussian.splatting.concave.openings import rectify
+from brepgaussian.splatting.concave.planes import PITCH_PIXELS
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.views.stage import make_views
-from build123d import Align, Box, Cylinder, Pos, export_step
+from build123d import Align, Box, Cylinder, Pos
+from rendered import rendered
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 PITCH, SPACING = 1 / 200, 1 / 80
 TOP, BOTTOM = 0.7, 0.3  # of a block in the unit frame
 
 
-def disc(radius, level=TOP, up=1.0, depth=0.1, **more):
+def disc(radius, level=TOP, up=1.0, depth=0.1, pitch=PITCH, **more):
     """A round opening about (.5, .5) in a plane of some height."""
-    cells = 101
+    cells = 2 * round(0.25 / pitch) + 1
     axes = np.eye(3) * np.array([[1.0], [up], [up]])
-    corner = np.array([0.5, 0.5, level]) - cells * PITCH / 2 * (axes[0] + axes[1])
-    on = Lattice(corner, *axes, PITCH, (cells, cells))
+    corner = np.array([0.5, 0.5, level]) - cells * pitch / 2 * (axes[0] + axes[1])
+    on = Lattice(corner, *axes, pitch, (cells, cells))
     outline = np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < radius
     return Prism(on, outline, depth, False, 0.0, **more)
 
@@ -83,20 +82,24 @@ def test_a_hole_that_faces_a_counterbore_goes_up_to_its_shoulder(monkeypatch, to
 @pytest.mark.parametrize("deep", [8.0, 11.0])
 def test_the_depth_of_a_shoulder_over_a_hole_that_is_as_bright(tmp_path, deep):
     part = Box(40, 36, 40, align=LOW) - Pos(0, 0, 40 - deep) * Cylinder(7, deep, align=LOW) - Cylinder(4, 90)
-    export_step(part, tmp_path / "part.step")
-    files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
-    settings = ViewsSettings(rendered_views=40, image_size=500)
-    make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
-    views = read_views(files["out_views"])
-    images, footprint = Images.of(views, 0.0), views.cameras.footprint()
+    views, _ = rendered(tmp_path, part, 40, 500)
+    images = Images.of(views, 0.0)
     grid = np.stack(np.meshgrid(*[np.arange(97) / 96] * 3, indexing="ij"), axis=-1)
     half = np.array([20, 18, 20]) / 40
-    hull = Volume((half - np.abs(grid - 0.5)).min(axis=-1).astype(np.float32), np.zeros(3), 1 / 96)
-    wide = disc(7 / 40, level=1.0)
-    pitch = 1.25 * footprint
-    cells = int(0.5 / pitch)
-    on = Lattice(np.array([0.5, 0.5, 1.0]) - cells * pitch / 2 * np.array([1, 1, 0]), *np.eye(3), pitch, (cells, cells))
-    outline = np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < 7 / 40
-    stack = rectify(images, hull.scene(), on)
-    found = shoulder(stack, outline, views.cameras.centers, hull.scene(), images.tolerance, 4 / 40 / pitch)
+    hull = Volume((half - np.abs(grid - 0.5)).min(axis=-1).astype(np.float32), np.zeros(3), 1 / 96).scene()
+    wide = disc(7 / 40, level=1.0, pitch=PITCH_PIXELS * views.cameras.footprint())
+    stack, centers = rectify(images, hull, wide.lattice), views.cameras.centers
+    found = shoulder(stack, wide.outline, centers, hull, images.tolerance, 4 / 40 / wide.lattice.pitch)
     assert wide.depth != found == pytest.approx(deep / 40, abs=0.02)
+
+
+def test_a_hole_that_reaches_up_to_a_shoulder_has_no_floor_any_more(monkeypatch):
+    """Silhouettes may have pierced it, too; then it is not taken for a counterbore itself."""
+    wide, narrow = disc(0.1, depth=0.25, endless=True), disc(0.05, BOTTOM, -1.0, depth=0.1, endless=True)
+    monkeypatch.setattr(shoulders, "rectify", lambda *_: None)
+    monkeypatch.setattr(shoulders, "shoulder", lambda *_: 0.08)
+    images = SimpleNamespace(views=SimpleNamespace(cameras=SimpleNamespace(centers=None)), tolerance=1.5)
+    monkeypatch.setattr(shoulders, "_pierced", lambda *_: 0.02)
+    _, hole = shoulders.with_shoulders(images, None, [wide, narrow], 2 * SPACING)
+    assert hole.through
+    assert hole.depth == pytest.approx(TOP - BOTTOM - 0.08)

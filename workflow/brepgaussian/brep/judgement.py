@@ -100,7 +100,7 @@ def calms(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings
 def as_good(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
     """Whether the images accept both solids, and one no less than the other."""
     accepted = bool(new.get("accepted")) and bool(old.get("accepted"))
-    return accepted and badness(dict(new), settings) <= _NO_WORSE * badness(dict(old), settings)
+    return accepted and badness(new, settings) <= _NO_WORSE * badness(old, settings)
 
 
 def objections(report: Mapping[str, Any], settings: BrepSettings) -> tuple[float, ...]:

@@ -117,7 +117,7 @@ def _drawn(job: Job, structure: Structure, attempt: Attempt, result: Any) -> fro
     return frozenset(i for i, (before, after) in off.items() if before < _EXPLAINED and after > 1)
 
 
-def badness(report: dict[str, Any], settings: BrepSettings) -> float:
+def badness(report: Mapping[str, Any], settings: BrepSettings) -> float:
     """How much the images dislike a solid, in units of the acceptance limits; infinite if it was not judged."""
     px, iou = report.get("silhouette_px"), report.get("mask_iou")
     if px is None or iou is None:

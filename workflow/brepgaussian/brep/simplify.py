@@ -17,6 +17,7 @@ from brepgaussian.brep.job import Job
 from brepgaussian.brep.patches import Patch, neighbours, touch
 from brepgaussian.geometry.fit_robust import fit_robust
 from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.primitives.relations import RESIDUALS
 
 Array = NDArray[np.float64]
 
@@ -183,13 +184,16 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
     total = sum(len(p.xyz) for p in patches)
     for index in sorted(range(len(patches)), key=lambda k: len(patches[k].xyz)):
         patch = patches[index]
-        strip = len(patch.xyz) <= _STRIP * total and _starts_fillet(index, patches)
-        if (len(patch.xyz) > _SMALL * total and not strip) or between_fillets(index, patches):
+        if len(patch.xyz) > _STRIP * total:
+            break
+        beside = _beside(index, patches) if patch.surface.kind == "plane" else []
+        strip = _starts_fillet(patch.surface, beside)
+        if (len(patch.xyz) > _SMALL * total and not strip) or _joins_fillets(patch.surface, beside):
             continue
         off = np.full(len(patch.xyz), np.inf)
         for other in (p for k, p in enumerate(patches) if k != index):
-            beside = _TOUCH * max(patch.reach, other.reach) * 2
-            near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=beside)[0] <= beside
+            reach = _TOUCH * max(patch.reach, other.reach) * 2
+            near = cKDTree(other.xyz).query(patch.xyz, distance_upper_bound=reach)[0] <= reach
             off[near] = np.minimum(off[near], np.abs(other.surface.signed_distance(patch.xyz[near])))
         limit = max(_SIGMAS * noise, _ROUNDED if strip or len(patch.xyz) <= _TINY * total else 1e-9)
         if np.mean(off <= limit) >= _HALF:
@@ -200,9 +204,15 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
 def between_fillets(index: int, patches: Sequence[Patch]) -> bool:
     """Whether a plane goes over into fillets of one radius on two sides: without it they would cross."""
     own = patches[index].surface
-    if own.kind != "plane":
-        return False
-    touching = [s for k in neighbours(index, patches, "cylinder") if _touches(own, s := patches[k].surface)]
+    return own.kind == "plane" and _joins_fillets(own, _beside(index, patches))
+
+
+def _beside(index: int, patches: Sequence[Patch]) -> list[Surface]:
+    return [patches[k].surface for k in neighbours(index, patches)]
+
+
+def _joins_fillets(flat: Surface, beside: Sequence[Surface]) -> bool:
+    touching = [s for s in beside if s.kind == "cylinder" and _touches(flat, s)]
     return any(
         first.flipped == second.flipped
         and abs(first.radius - second.radius) < _EQUAL * first.radius
@@ -212,19 +222,13 @@ def between_fillets(index: int, patches: Sequence[Patch]) -> bool:
 
 
 def _touches(flat: Surface, round_: Surface) -> bool:
-    if abs(float(flat.axis @ round_.axis)) > _ACROSS:
-        return False
-    away = abs(float((round_.origin - flat.origin) @ flat.axis))
-    return abs(away - round_.radius) < _EQUAL * round_.radius
+    tilt, gap = np.abs(RESIDUALS["tangent"](flat, round_))
+    return bool(tilt <= _ACROSS and gap < _EQUAL * round_.radius)
 
 
-def _starts_fillet(index: int, patches: Sequence[Patch]) -> bool:
+def _starts_fillet(flat: Surface, beside: Sequence[Surface]) -> bool:
     """Whether a plane lies between another one, hardly turned, and a curved face."""
-    own = patches[index].surface
-    if own.kind != "plane":
-        return False
-    beside = [patches[k].surface for k in neighbours(index, patches)]
-    blunt = any(s.kind == "plane" and float(s.axis @ own.axis) > _BLUNT for s in beside)
+    blunt = any(s.kind == "plane" and float(s.axis @ flat.axis) > _BLUNT for s in beside)
     return blunt and any(s.kind != "plane" for s in beside)
 
 

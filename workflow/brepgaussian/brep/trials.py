@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import zip_longest
 from typing import Any
 
@@ -33,7 +34,9 @@ from brepgaussian.settings.brep import BrepSettings
 
 Enough = Callable[[Mapping[str, Any], Mapping[str, Any], BrepSettings], bool]
 Changes = Callable[[Structure, Sequence[Surface], Sequence[Patch], Sequence[Mapping[str, Any]]], list[Change]]
+Fillets = Callable[[Structure, Sequence[Surface], Sequence[Patch]], list[Change]]
 
+_MOST_RADII = 3  # of the corners of pockets
 _RUNGS = 2  # that a change is built on, at most
 _MOST_EDGED = 6  # changed edges that are refined until one is taken: as many widths and kinds
 _MOST_ALONE = 4  # of these, of one pair of faces alone
@@ -124,25 +127,30 @@ class Trials:
                 break
 
     def _rounded(self) -> None:
-        """Try fillets: few, and what simpler solids cost is no reason to leave them."""
-        changes = self._fillets()
-        if not changes:
-            return
-        self.job, self.left = self._refined(), self.left.other(_RUNGS * len(changes), len(changes))
-        for change in changes:
-            if self._tried([change], simpler=False, enough=calms):
-                break
+        """Try fillets where parallax places faces elsewhere beside edges that agree with the images."""
+        if in_doubt(self.best.report, self.job.settings):
+            self._filleted(partial(fillets, off=self.best.off), calms)
 
     def _completed(self) -> None:
         """Try all corners of a pocket rounded where some are: images hardly tell, so they only have to bear it."""
+        for _ in range(_MOST_RADII):
+            if not self.best.report.get("accepted") or not self._filleted(completed, as_good):
+                break
+
+    def _filleted(self, propose: Fillets, enough: Enough) -> bool:
+        """Whether one of some fillets, which touch the best solid's surfaces exactly, was taken.
+
+        They are few, and what simpler solids cost is no reason to leave them.
+        """
         structure = self.best.attempt.verdict.structure
-        if structure is None or not self.best.report.get("accepted"):
-            return
-        changes = completed(structure, self.best.attempt.surfaces, self._refined().patches)
-        if changes:
-            self.job, self.left = self._refined(), self.left.other(_RUNGS * len(changes), len(changes))
-        for change in changes:
-            self._tried([change], simpler=False, enough=as_good)
+        if structure is None:
+            return False
+        job = self._refined()
+        changes = propose(structure, self.best.attempt.surfaces, job.patches)
+        if not changes:
+            return False
+        self.job, self.left = job, self.left.other(_RUNGS * len(changes), len(changes))
+        return any(self._tried([change], simpler=False, enough=enough) for change in changes)
 
     def _noted(self) -> Polished:
         """The best solid, with what was tried in its report."""
@@ -171,13 +179,6 @@ class Trials:
         """The structure and the table of edges of a solid that the images have judged."""
         details, structure = self.best.report.get("refinement"), self.best.attempt.verdict.structure
         return None if not details or structure is None else (structure, details["edges"])
-
-    def _fillets(self) -> list[Change]:
-        """Fillets where the edges agree with the images, and parallax places the faces beside them elsewhere."""
-        structure = self.best.attempt.verdict.structure
-        if structure is None or not in_doubt(self.best.report, self.job.settings):
-            return []
-        return fillets(structure, self.best.attempt.surfaces, self._refined().patches, self.best.off)
 
     def _refined(self) -> Job:
         """The job with its best solid's surfaces: fillets touch these exactly."""

@@ -60,8 +60,8 @@ def open_concavities(
         found = told_once(find_prisms(images, scene, hull.spacing, floors, planes), known, 2 * hull.spacing)
         if not found:
             break
-        # the far end of a hole may be the floor of what was found before
         found = with_shoulders(images, scene, found, 2 * hull.spacing)
+        # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
         margins = [_MARGIN_CELLS * hull.spacing + prism.above for prism in known]

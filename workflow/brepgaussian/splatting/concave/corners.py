@@ -95,6 +95,7 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
         if floors:
             sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
     found: list[Corner] = []
+    now = scene
     largest = sorted(sought, key=lambda s: -s[3].sum() * s[2].lattice.pitch ** 2)[:_MOST_TRIED]
     for lid, floors, stack, outline in largest:
         cells = stack.lattice.centers()[outline]
@@ -103,24 +104,27 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
         corner = _measured(images, stack, scene, outline, [list(_starts(lid, some, cells)) for some in floors])
         if corner is not None:
             opened = corner.cut_out(hull, _MARGIN_VOXELS * hull.spacing)
-            if _agreeable(images, hull, opened):
+            after = opened.scene()
+            if _agreeable(images, now, after, hull.spacing):
                 found.append(corner)
-                hull = _without_fins(images, opened, corner)
+                hull, now = _without_fins(images, opened, after, corner)
     return hull
 
 
-def _without_fins(images: Images, opened: Volume, corner: Corner) -> Volume:
-    """A hull without what it has left over a corner's floors, above the lid: hulls there have more than one facet."""
+def _without_fins(images: Images, opened: Volume, scene: Scene, corner: Corner) -> tuple[Volume, Scene]:
+    """A hull, and its surface, without what it has left over a corner's floors: above the lid there are more facets."""
     for margin in _FINS_VOXELS:
         bare = corner.cut_out(opened, margin * opened.spacing)
-        if (bare.field < opened.field).any() and _agreeable(images, opened, bare):
-            return bare
-    return opened
+        if (bare.field < opened.field).any():
+            after = bare.scene()
+            if _agreeable(images, scene, after, opened.spacing):
+                return bare, after
+    return opened, scene
 
 
-def _agreeable(images: Images, hull: Volume, opened: Volume) -> bool:
+def _agreeable(images: Images, before: Scene, after: Scene, spacing: float) -> bool:
     """Whether views agree better on all that a corner changes: it may reach beyond its lid, into other faces."""
-    said = disagreements(images, hull.scene(), opened.scene(), _REACH_VOXELS * hull.spacing)
+    said = disagreements(images, before, after, _REACH_VOXELS * spacing)
     good = better(said, _GAIN, _LEAST_RAYS, untold=False)
     logger.info(
         "corner cut out: views disagree by %.2f for %.2f of the hull, %d rays%s",
@@ -144,11 +148,15 @@ def _distinct(directions: Sequence[Array]) -> list[Array]:
     return found
 
 
+def _facing(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[_Floor]:
+    """Planes that look the way a lid does, but not quite."""
+    return [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
+
+
 def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
     """Pairs of planes that may be the floors under a lid."""
-    facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
     pairs: list[tuple[_Floor, ...]] = []
-    for first, second in combinations(facing, 2):
+    for first, second in combinations(_facing(lid, planes), 2):
         edge = np.cross(first.normal, second.normal)
         length = float(np.linalg.norm(edge))
         if length < _LEAST_ANGLE or abs(edge @ lid.normal) > _ALONG * length:
@@ -161,9 +169,8 @@ def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ..
 
 def _triples(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
     """Three planes that may be the floors under a lid."""
-    facing = [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
     found: list[tuple[_Floor, ...]] = []
-    for three in combinations(facing, 3):
+    for three in combinations(_facing(lid, planes), 3):
         normals = np.column_stack([plane.normal for plane in three])
         if abs(np.linalg.det(normals)) > _LEAST_ANGLE and np.linalg.solve(normals, lid.normal).min() > _BETWEEN:
             found.append(three)
@@ -227,7 +234,7 @@ def _measured(
         "corner under a lid of area %.4f, normal %s, floors %s: views disagree by %.2f for %.2f, "
         "%.0f %% of rays against it%s",
         outline.sum() * stack.lattice.pitch**2,
-        np.round(best.lid[0], 2).tolist(), np.round(best.normals[: -len(best.ends) or None], 2).tolist(),
+        np.round(best.lid[0], 2).tolist(), np.round(best.normals[: best.floors], 2).tolist(),
         new, old, 100 * error, "" if good else ": not believed",
     )  # fmt: skip
     return best if good else None

@@ -14,7 +14,7 @@ from scipy import ndimage
 from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered, to_best_dome
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
-from brepgaussian.splatting.concave.rays import crossings_of, gather
+from brepgaussian.splatting.concave.rays import Rays, crossings_below, gather
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import FINEST, SURE, Ends, Opening, Shape, best_depth
 
@@ -61,10 +61,10 @@ def measure(
         tolerance: grey levels that one place may differ by.
     """
     pitch = stack.lattice.pitch
-    ends, breaks = _ends(scene, stack, outline)
-    every = gather(stack, outline, centers, scene)
-    if len(every) < _LEAST_RAYS or not ends:
+    looked = _looked_into(stack, outline, centers, scene)
+    if looked is None:
         return None
+    every, ends, breaks = looked
     opening = Opening(every, _SEARCH_RAYS, outline, ends, tolerance, breaks)
     rim = Opening(every, _RIM_RAYS, outline, ends, tolerance, breaks)
     best = _again(opening, rim, _refine(rim, best_depth(opening, _DEPTHS)))
@@ -113,10 +113,10 @@ def shoulder(
         stack, outline, centers, scene, tolerance: as for `measure`.
         hollow: radius of the hole, cells.
     """
-    ends, breaks = _ends(scene, stack, outline)
-    every = gather(stack, outline, centers, scene)
-    if len(every) < _LEAST_RAYS or not ends:
+    looked = _looked_into(stack, outline, centers, scene)
+    if looked is None:
         return None
+    every, ends, breaks = looked
     opening = Opening(every, _RIM_RAYS, outline, ends, tolerance, breaks)
     opening.keep_clear(0.0)
     depths = np.geomspace(opening.shallowest, max(opening.deepest, opening.shallowest), _DEPTHS)
@@ -131,6 +131,15 @@ def shoulder(
     bend = left - 2 * least + right
     moved = np.clip((left - right) / (2 * bend), -1, 1) if bend > 0 else 0.0  # to the bottom of a parabola
     return float(first.depth * ratios[best] * _NEAR_RATIO**moved * stack.lattice.pitch)
+
+
+def _looked_into(
+    stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scene
+) -> tuple[Rays, Ends, bool] | None:
+    """All rays through an opening, and what `_ends` says of it; None if there is nothing to tell, or few that do."""
+    ends, breaks = _ends(scene, stack, outline)
+    every = gather(stack, outline, centers, scene)
+    return None if len(every) < _LEAST_RAYS or not ends else (every, ends, breaks)
 
 
 def _refuted(stack: Stack, outline: NDArray[np.bool_]) -> bool:
@@ -173,7 +182,7 @@ def _ends(scene: Scene, stack: Stack, outline: NDArray[np.bool_]) -> tuple[Ends,
     """
     lattice = stack.lattice
     below = stack.surface()[outline]
-    crossings, inside = crossings_of(scene, below, np.broadcast_to(-lattice.normal, below.shape), lattice.pitch)
+    crossings, inside = crossings_below(scene, below, lattice)
     crossings += stack.relief[outline][:, None] / lattice.pitch
     if not crossings.shape[1]:
         return (), False

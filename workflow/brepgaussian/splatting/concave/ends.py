@@ -9,7 +9,7 @@ from scipy import ndimage
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.openings import Images, refuted_share
 from brepgaussian.splatting.concave.prism import Prism
-from brepgaussian.splatting.concave.rays import crossings_of
+from brepgaussian.splatting.concave.rays import crossings_below
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
@@ -69,8 +69,7 @@ def _behind(scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[n
 def _left(scene: Scene, prism: Prism, cells: NDArray[np.bool_]) -> Array:
     """(N,) depth, in cells, at which lines down from some cells (R, C) leave the hull; 0 = they do not meet it."""
     starts = prism.lattice.centers()[cells]
-    lines = np.broadcast_to(-prism.lattice.normal, starts.shape)
-    crossings, _ = crossings_of(scene, starts, lines, prism.lattice.pitch)
+    crossings, _ = crossings_below(scene, starts, prism.lattice)
     beyond = np.isfinite(crossings) & (crossings > prism.depth / prism.lattice.pitch + _FLAT_CELLS)
     return np.asarray(np.where(beyond, crossings, 0.0).max(axis=1, initial=0.0))
 

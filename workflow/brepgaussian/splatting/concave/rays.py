@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.splatting.concave.openings import Stack
-from brepgaussian.splatting.concave.prism import signed_outline
+from brepgaussian.splatting.concave.prism import Lattice, signed_outline
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.library import load, pointer
 
@@ -133,6 +133,11 @@ def crossings_of(scene: Scene, origins: Array, rays: Array, pitch: float) -> tup
     first = place < found.shape[1]
     found[ray[first], place[first]] = depth[first]
     return found, inside
+
+
+def crossings_below(scene: Scene, origins: Array, lattice: Lattice) -> tuple[Array, NDArray[np.bool_]]:
+    """The same of lines straight down from places (N, 3) on a lattice's plane."""
+    return crossings_of(scene, origins, np.broadcast_to(-lattice.normal, origins.shape), lattice.pitch)
 
 
 def exits(

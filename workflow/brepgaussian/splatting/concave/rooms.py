@@ -32,9 +32,9 @@ class Corner:
     offsets: Array
 
     @property
-    def ends(self) -> range:
-        """Which of the planes are ends, not floors."""
-        return range(2, 2) if len(self.normals) == 3 else range(2, len(self.normals))
+    def floors(self) -> int:
+        """How many of the planes are floors; the others, which follow, are ends."""
+        return 3 if len(self.normals) == 3 else 2
 
     def exits(self, stack: Stack, rays: Rays) -> Array:
         """(N,) depths in cells at which rays meet a floor or an end, -1 for those that enter beside it."""
@@ -100,7 +100,7 @@ class Sought:
 
         Behind an end few rays tell anything, and a little beyond it is the wall of something else.
         """
-        for k in corner.ends:
+        for k in range(corner.floors, len(corner.offsets)):
             costs = self.costs(corner)
             for share in _NEARER:
                 offsets = corner.offsets.copy()

@@ -16,7 +16,7 @@ from brepgaussian.splatting.concave.depth import shoulder
 from brepgaussian.splatting.concave.join import distance_between, face_each_other, throat
 from brepgaussian.splatting.concave.openings import Images, rectify
 from brepgaussian.splatting.concave.prism import Prism
-from brepgaussian.splatting.concave.rays import crossings_of
+from brepgaussian.splatting.concave.rays import crossings_below
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
@@ -40,29 +40,14 @@ def with_shoulders(images: Images, scene: Scene, prisms: Sequence[Prism], tolera
         tolerance: distance by which the axes of one hole may seem to differ.
     """
     left = list(prisms)
-    for i, wide in enumerate(prisms):
+    for i in range(len(left)):
+        wide = left[i]  # not as it came: a hole that reaches up to another one's shoulder has no floor any more
         if not _is_plain(wide):
             continue
-        radius = throat(wide)
-        narrow = [
-            k
-            for k, other in enumerate(left)
-            if k != i and (other.endless or other.through) and throat(other) < _NARROWER * radius
-            and face_each_other(wide, other, tolerance)
-        ]  # fmt: skip
+        narrow = _narrower(wide, left, tolerance)
         hollow = max((throat(left[k]) for k in narrow), default=_pierced(scene, wide))
-        if not hollow:
-            continue
-        pitch = wide.lattice.pitch
-        stack = rectify(images, scene, wide.lattice)
-        centers = images.views.cameras.centers
-        depth = shoulder(stack, wide.outline, centers, scene, images.tolerance, hollow / pitch + 1)
-        good = depth is not None and depth < _SHALLOWER * wide.depth
-        logger.info(
-            "opening of area %.4f over a hole of radius %.4f: shoulder %s deep, not %.4f%s",
-            wide.area, hollow, "unknown" if depth is None else f"{depth:.4f}", wide.depth, "" if good else ": kept",
-        )  # fmt: skip
-        if depth is not None and good:
+        depth = _shoulder(images, scene, wide, hollow) if hollow else None
+        if depth is not None:
             left[i] = replace(wide, depth=depth, endless=False, ring=bool(narrow))
             for k in narrow:
                 through = distance_between(wide, left[k]) - depth
@@ -70,26 +55,46 @@ def with_shoulders(images: Images, scene: Scene, prisms: Sequence[Prism], tolera
     return left
 
 
+def _narrower(wide: Prism, prisms: Sequence[Prism], tolerance: float) -> list[int]:
+    """Indices of narrower holes that face a concavity and may lead to it."""
+    return [
+        k
+        for k, other in enumerate(prisms)
+        if other is not wide and (other.endless or other.through) and throat(other) < _NARROWER * throat(wide)
+        and face_each_other(wide, other, tolerance)
+    ]  # fmt: skip
+
+
+def _shoulder(images: Images, scene: Scene, wide: Prism, hollow: float) -> float | None:
+    """Depth of the shoulder around a hole of some radius, None if the flat floor that was found is as good."""
+    stack, centers = rectify(images, scene, wide.lattice), images.views.cameras.centers
+    depth = shoulder(stack, wide.outline, centers, scene, images.tolerance, hollow / wide.lattice.pitch + 1)
+    found = depth if depth is not None and depth < _SHALLOWER * wide.depth else None
+    logger.info(
+        "opening of area %.4f over a hole of radius %.4f: shoulder %s deep, not %.4f%s",
+        wide.area, hollow, "unknown" if depth is None else f"{depth:.4f}", wide.depth, "" if found else ": kept",
+    )  # fmt: skip
+    return found
+
+
 def _is_plain(prism: Prism) -> bool:
     """Whether a concavity is round and straight, has a floor, and nothing stands over it."""
     if prism.through or prism.domed or prism.draft or any(prism.tilt) or prism.above:
         return False
-    cells = np.argwhere(prism.outline)
-    away = np.linalg.norm(cells - cells.mean(axis=0), axis=1).max()
-    return bool(away < _ROUND * np.sqrt(len(cells) / np.pi) + 1)
+    return bool(_away(prism).max() < _ROUND * throat(prism) + prism.lattice.pitch)
 
 
 def _pierced(scene: Scene, prism: Prism) -> float:
     """Radius about a concavity's middle within which silhouettes have pierced what lies below; 0 if they haven't."""
-    pitch = prism.lattice.pitch
-    cells = np.argwhere(prism.outline)
-    starts = prism.lattice.centers()[prism.outline]
-    lines = np.broadcast_to(-prism.lattice.normal, starts.shape)
-    crossings, _ = crossings_of(scene, starts, lines, pitch)
-    solid = np.isfinite(crossings).any(axis=1)
-    away = np.linalg.norm(cells - cells.mean(axis=0), axis=1)
-    radius = np.sqrt(len(cells) / np.pi)
-    open_cells = ~solid & (away < _NARROWER * radius)
-    if np.count_nonzero(open_cells) < _PIERCED_CELLS or np.count_nonzero(~solid) > np.count_nonzero(open_cells):
+    crossings, _ = crossings_below(scene, prism.lattice.centers()[prism.outline], prism.lattice)
+    empty, away, radius = ~np.isfinite(crossings).any(axis=1), _away(prism), throat(prism)
+    within = empty & (away < _NARROWER * radius)
+    if np.count_nonzero(within) < _PIERCED_CELLS or np.count_nonzero(empty) > np.count_nonzero(within):
         return 0.0
-    return float(max(away[open_cells].max(), _LEAST_HOLLOW * radius) * pitch)
+    return float(max(away[within].max(), _LEAST_HOLLOW * radius))
+
+
+def _away(prism: Prism) -> Array:
+    """(N,) distance of an opening's cells from their middle."""
+    cells = np.argwhere(prism.outline)
+    return np.asarray(np.linalg.norm(cells - cells.mean(axis=0), axis=1) * prism.lattice.pitch)
