@@ -65,6 +65,26 @@ def test_what_nothing_tells_of_is_not_cut_along_with_a_channel(monkeypatch, told
         assert left[1] < 0  # beside the bore
 
 
+@pytest.mark.parametrize(("deep", "rays", "ends"), [(0.28, 500, True), (0.28, 30, False), (0.4, 500, False)])
+def test_a_bore_with_a_narrower_end_is_not_carried_along(monkeypatch, deep, rays, ends):
+    """Silhouettes see through it, and leave a funnel that is as wide as the bore at its mouth."""
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    block = np.minimum.reduce([0.4 - np.abs(x - 0.5), 0.4 - np.abs(y - 0.5), 0.2 - np.abs(z - 0.5)])
+    hull = Volume(block.astype(np.float32), np.zeros(3), SPACING)
+    on = Lattice(np.array([0.3, 0.3, 0.7]), *np.eye(3), SPACING, (40, 40))
+    prism = Prism(on, np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < 0.15, 0.4, False, 0.0)
+    axis = np.column_stack([np.full((80, 2), 0.5), np.linspace(0.305, 0.695, 80)])
+    true = axis[:, 2] > 0.7 - deep
+
+    def disagreements(images, before, after, reach):
+        wrong = [float(((scene.signed_distance(axis) > 0) != true).mean()) for scene in (before, after)]
+        return (*wrong, rays)
+
+    monkeypatch.setattr(sweep, "disagreements", disagreements)
+    opened = hull.without(prism, 0.0)
+    assert sweep._ends_before(None, hull, Cut((prism,), 100.0, False), opened) == ends
+
+
 @pytest.mark.parametrize(("brim", "deep", "kept"), [(0.02, False, True), (0.02, True, False), (0.0, False, True)])
 def test_a_section_loses_the_brim_that_silhouettes_need(brim, deep, kept):
     """A slot's section .2 wide, with a brim on either side: rays along the brim have nothing else in their way."""

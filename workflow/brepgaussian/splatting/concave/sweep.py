@@ -33,6 +33,7 @@ _DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not a
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
+_SHORTER = (0.5, 0.7)  # of a column's length, from either end: what a wide bore's funnel in a hull would really be
 _MOST_CUTS = 4  # channels of one part
 _MOST_CHECKED = 12  # hypotheses of one direction, largest first
 _MOST_TRIED = 6  # of all directions, for the next cut, largest first
@@ -62,7 +63,7 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:
             opened, good = _judged(images, hull, cut)
-            if good:
+            if good and (cut.at_ends or not _ends_before(images, hull, cut, opened)):
                 less = None if cut.at_ends else _shown_at_ends(images, hull, cut, opened, every)
                 hull, prisms = less or (opened, cut.prisms)
                 done += prisms
@@ -84,6 +85,24 @@ def _judged(images: Images, hull: Volume, cut: Cut) -> tuple[Volume, bool]:
         "" if good else ": not believed",
     )  # fmt: skip
     return opened, good
+
+
+def _ends_before(images: Images, hull: Volume, cut: Cut, opened: Volume) -> bool:
+    """Whether views agree better where columns that are empty somewhere are cut from one end only, but not as far.
+
+    Silhouettes that see through a bore with a narrower end leave a funnel, as wide as the bore at one end of it.
+    """
+    (prism,) = cut.prisms
+    for share in _SHORTER:
+        for skipped in (0.0, (1 - share) * prism.depth):
+            origin = prism.lattice.origin - skipped * prism.lattice.normal
+            part = replace(prism, depth=share * prism.depth, lattice=replace(prism.lattice, origin=origin))
+            shorter = _without(hull, (part,))
+            old, new, count = disagreements(images, shorter.scene(), opened.scene(), 2 * hull.spacing)
+            if count >= _LEAST_RAYS_AT_ENDS and old <= _GAIN * new:
+                logger.info("views disagree by %.2f for %.2f if it ends at %.2f of its length", old, new, share)
+                return True
+    return False
 
 
 def _without(hull: Volume, prisms: Sequence[Prism]) -> Volume:
