@@ -69,3 +69,35 @@ def test_a_true_cone_beside_a_fillet_stays(seed):
     whole = fitted("torus", 1, on(fillet, rng, (ring, RADIUS), (0, TUBE), 1500))
     patches = [patches[0], whole, fitted("cone", 2, (xyz + SIGMA * rng.normal(size=xyz.shape), out))]
     assert not list(regrouped(patches, SIGMA, rng))
+
+
+def rounded_end(rng, share):
+    """A flat end between two fillets; the label of the end runs over a share of one of them."""
+    sides, height = 0.1, (0.0, 0.3)
+
+    def arc(sign, low, high, count):
+        turn, z = rng.uniform(low, high, count) * np.pi / 2, rng.uniform(*height, count)
+        out = np.column_stack([np.cos(turn), sign * np.sin(turn), np.zeros(count)])
+        xyz = np.array([0, sign * sides, 0]) + 0.1 * out + z[:, None] * AXIS
+        return xyz + SIGMA * rng.normal(size=xyz.shape), out
+
+    flat = np.column_stack([np.full(1200, 0.1), rng.uniform(-sides, sides, 1200), rng.uniform(*height, 1200)])
+    end = flat + SIGMA * rng.normal(size=flat.shape), np.tile([1.0, 0, 0], (1200, 1))
+    wall = np.column_stack([rng.uniform(-0.5, 0, 1200), np.full(1200, -0.2), rng.uniform(*height, 1200)])
+    return [
+        fitted("cylinder", 0, end, arc(-1, 0, share, int(1000 * share))),
+        fitted("cylinder", 1, arc(-1, share, 1, int(1000 * (1 - share)))),
+        fitted("cylinder", 2, arc(1, 0, 1, 1000)),
+        fitted("plane", 3, (wall + SIGMA * rng.normal(size=wall.shape), np.tile([0, -1.0, 0], (1200, 1)))),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flat_end_that_shares_a_label_with_a_piece_of_its_fillet_is_a_plane(seed):
+    rng = np.random.default_rng(seed)
+    changes = list(regrouped(rounded_end(rng, rng.uniform(0.35, 0.5)), SIGMA, rng))
+    (change,) = [c for c in changes if set(c.gone) == {0, 1}]
+    face, larger = change.new
+    assert face.surface.kind == "plane"
+    assert abs(face.surface.axis[0]) == pytest.approx(1, abs=1e-3)
+    assert larger.surface.radius == pytest.approx(0.1, abs=0.01)

@@ -8,7 +8,7 @@ import pytest
 from brepgaussian.splatting.concave import carve, shorten, sweep, widening
 from brepgaussian.splatting.concave.columns import Cut, cuts, holes
 from brepgaussian.splatting.concave.contours import Chords
-from brepgaussian.splatting.concave.join import in_line, joined, opposite, told_once
+from brepgaussian.splatting.concave.join import in_line, joined, opposite, square_ends, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.sweep import _filling
 from brepgaussian.splatting.concave.volume import Volume
@@ -215,6 +215,42 @@ def test_a_lid_that_leans_within_a_pocket_is_gone_with_it(error, kept):
     below = hole(UP, [0.5, 0.5, 0.65], 0.1, radius=0.04, error=error, through=False)  # its lid is the pocket's floor
     assert len(told_once([pocket, lid], [], 0.02)) == kept
     assert len(told_once([pocket, below], [], 0.02)) == 2
+
+
+def oblique(turn, depth=0.5, **changes):
+    """A hole of a tube that leans by 30 degrees, from the plane z = .2 up, its direction off by some radians."""
+    lean = np.radians(30.0) + turn
+    mouth = hole(-UP, [0.5, 0.5, 0.2], depth, **changes)
+    cells = mouth.lattice.centers() - [0.5, 0.5, 0.2]
+    outline = (cells[..., 0] * np.cos(np.radians(30.0))) ** 2 + cells[..., 1] ** 2 < 0.06**2
+    axes = mouth.lattice.first, mouth.lattice.second
+    tilt = tuple(float(np.tan(lean) * axis[0]) for axis in axes)
+    return replace(mouth, outline=outline, tilt=tilt)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.06, -0.06, None])
+def test_a_hole_with_an_oblique_mouth_runs_square_to_its_other_one(turn):
+    """However its direction is told from the oblique mouth, if at all, it ends where all of that is open."""
+    axis = np.array([np.sin(np.radians(30.0)), 0, np.cos(np.radians(30.0))])
+    square = replace(hole(axis, [0.5, 0.5, 0.2] + 0.6 * axis, 0.3, through=False), endless=True)
+    leaning = replace(oblique(0.0, 0.05, through=False), tilt=(0.0, 0.0)) if turn is None else oblique(turn)
+    pair = [leaning, square]
+    for order in (pair, pair[::-1]):
+        (bore,) = square_ends(order, 0.02)
+        assert bore.through
+        np.testing.assert_allclose(bore.lattice.normal, axis)
+        assert bore.depth == pytest.approx(0.6 + 0.06 * np.tan(np.radians(30.0)), abs=0.006)
+
+
+@pytest.mark.parametrize("other", ["floor", "beside", "wide", "another way"])
+def test_what_may_not_be_the_square_end_of_an_oblique_hole_stays(other):
+    lean = np.radians(10.0 if other == "another way" else 30.0)
+    axis = np.array([np.sin(lean), 0, np.cos(lean)])
+    middle = np.array([0.5, 0.54 if other == "beside" else 0.5, 0.2]) + 0.6 * axis
+    square = hole(axis, middle, 0.3, radius=0.09 if other == "wide" else 0.06, through=False)
+    square = replace(square, endless=other != "floor")
+    leaning = oblique(0.0)
+    assert square_ends([leaning, square], 0.02) == [leaning, square]
 
 
 def lidded(prism):

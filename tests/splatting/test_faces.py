@@ -326,3 +326,27 @@ def test_views_judge_high_bulges(monkeypatch, bulge, said, kept):
     lattice = Lattice(np.array([0.3, 0.3, 0.6]), *np.eye(3), 0.02, (20, 20))
     face = Face(lattice, np.ones((20, 20), bool), 0.001, bulge)
     assert flatten._agreeable(None, face, hull, hull.scene()) == kept
+
+
+@pytest.mark.parametrize("high", [0.2, 0.01])
+@pytest.mark.parametrize(
+    ("side", "said", "kept"),
+    [
+        (8, (0.4, 1.2, 500), False),  # a wall went with it
+        (8, (0.0, 0.0, 0), False),  # nobody sees there
+        (8, (1.0, 0.4, 500), True),
+        (2, (1.0, 0.4, 500), False),  # too small to be asked about
+    ],
+)
+def test_a_face_keeps_no_spot_of_its_own_under_what_stands_beside_it(monkeypatch, side, said, kept, high):
+    monkeypatch.setattr(flatten, "disagreements", lambda *_: said)
+    x, y, z = np.moveaxis(np.stack(np.meshgrid(*[np.linspace(0, 1, 101)] * 3, indexing="ij"), axis=-1), -1, 0)
+    base = np.minimum.reduce([0.4 - np.abs(x - 0.5), 0.4 - np.abs(y - 0.5), 0.2 - np.abs(z - 0.3)])
+    boss = np.minimum.reduce([0.12 - np.hypot(x - 0.5, y - 0.5), 0.5 + high - z, z - 0.3])
+    hull = Volume(np.maximum(base, boss).astype(np.float32), np.zeros(3), 0.01)
+    lattice = Lattice(np.array([0.1, 0.1, 0.5]), *np.eye(3), 0.01, (80, 80))
+    middle = np.linalg.norm(lattice.centers()[..., :2] - 0.5, axis=-1)
+    spot = np.abs(lattice.centers()[..., :2] - 0.5).max(axis=-1) < side * 0.01 / 2
+    face = Face(lattice, (middle > 0.14) | spot, 0.001, 0.2)
+    left = flatten._without_spots(None, face, hull, hull.scene()).outline
+    np.testing.assert_array_equal(left, (middle > 0.14) | (spot if kept or high < 0.02 else False))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.fillets import rounded
-from brepgaussian.brep.patches import Patch, supported, touch
+from brepgaussian.brep.patches import Patch, neighbours, supported, touch
 from brepgaussian.brep.simplify import Change, fitted
 from brepgaussian.geometry.fit_choose import plausible
 from brepgaussian.geometry.surfaces import Surface, plane, unit
@@ -20,6 +20,7 @@ from brepgaussian.geometry.surfaces import Surface, plane, unit
 Array = NDArray[np.float64]
 
 _SHARED = ("cone", "torus")  # kinds that explain a face and a piece of the fillet beside it
+_WIDER = 2.0  # times a fillet's radius has a cylinder through a piece of it and the plane beside it
 _FILLETS = ("torus", "cylinder")
 _SIMPLE = ("plane", "cylinder")  # kinds of the face
 _FAR = 0.5  # share of a label's points, farthest from the fillet, that start the face
@@ -33,18 +34,30 @@ _LARGEST = 1.5  # radius, longest sides of the object
 def regrouped(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
     """A simpler face and a larger fillet for every pair of a curved patch and a fillet beside it, best kind first."""
     for i, patch in enumerate(patches):
-        if patch.surface.kind not in _SHARED:
+        if patch.surface.kind not in (*_SHARED, "cylinder"):
             continue
         tree = cKDTree(patch.xyz)
         for j, fillet in enumerate(patches):
-            if j == i or fillet.surface.kind not in _FILLETS or not touch(fillet, patch, tree=tree):
+            if j == i or not _rolls(fillet) or not _may_share(patch.surface, fillet.surface):
+                continue
+            if not touch(fillet, patch, tree=tree):
                 continue
             found = [f for kind in _SIMPLE if (f := _apart(kind, patch, fillet, noise, rng)) is not None]
             if found:
                 face, larger = min(found, key=lambda pair: _misfit(*pair))
-                others = [p for k, p in enumerate(patches) if k not in (i, j)]
+                rest = [k for k in range(len(patches)) if k not in (i, j)]
                 name = f"patch {patch.primitive} as a {face.surface.kind} beside patch {fillet.primitive}"
-                yield Change(name, (i, j), _touching(face, larger, others, noise))
+                pair = _touching(face, larger, [patches[k] for k in rest], noise)
+                moved = _moved(pair, [patches[k] for k in rest], noise)
+                yield Change(name, (i, j, *(rest[m] for m in moved)), (*pair, *moved.values()))
+
+
+def _may_share(face: Surface, fillet: Surface) -> bool:
+    """Whether a curved surface may be that of a face and a piece of a fillet: a cylinder of a wider one along it."""
+    if face.kind != "cylinder":
+        return face.kind in _SHARED
+    along = fillet.kind == "cylinder" and abs(float(face.axis @ fillet.axis)) > _NEARLY
+    return along and face.sign == fillet.sign and face.radius > _WIDER * fillet.radius
 
 
 def _apart(
@@ -78,6 +91,18 @@ def _touching(face: Patch, fillet: Patch, others: Sequence[Patch], noise: float)
         turned = _square(face.surface, fillet.surface)
         face = face if turned is None else supported(face, turned, face.xyz, face.normals)
     return face, fillet
+
+
+def _moved(pair: tuple[Patch, Patch], others: Sequence[Patch], noise: float) -> dict[int, Patch]:
+    """The other fillets that end at a face, by their indices, made to touch it where it lies now."""
+    every = [*pair, *others]
+    beside = set(neighbours(0, every))
+    again = enumerate(rounded(every, noise) or every)
+    return {k - len(pair): p for k, p in again if k >= len(pair) and k in beside and p is not every[k] and _rolls(p)}
+
+
+def _rolls(patch: Patch) -> bool:
+    return patch.surface.kind in _FILLETS
 
 
 def _square(face: Surface | None, fillet: Surface) -> Surface | None:

@@ -18,6 +18,7 @@ from brepgaussian.splatting.concave import (
     open_channels,
     open_concavities,
     open_corners,
+    open_recesses,
     widen,
 )
 from brepgaussian.splatting.concave.volume import Volume
@@ -130,7 +131,7 @@ def carve(
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample)
         if concavities:
-            volume, prisms = open_channels(images, volume)
+            volume, prisms = open_channels(images, volume, [(f.lattice, f.outline) for f in faces])
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
@@ -138,9 +139,10 @@ def carve(
             volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, more, bends = open_concavities(images, volume, planes)
+            volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces])
             # last: what rays tell goes before what is likely
             volume, wider = widen(images, volume, planes, more)
-            prisms += more + wider
+            prisms += more + recesses + wider
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)
             if volume is not before:

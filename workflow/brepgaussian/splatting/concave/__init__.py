@@ -13,6 +13,7 @@ from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.recess import open_recesses
 from brepgaussian.splatting.concave.widening import widen
 
 __all__ = [
@@ -24,5 +25,6 @@ __all__ = [
     "open_channels",
     "open_concavities",
     "open_corners",
+    "open_recesses",
     "widen",
 ]

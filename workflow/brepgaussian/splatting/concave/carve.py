@@ -8,14 +8,14 @@ from brepgaussian.splatting.concave.bends import Bend, bent, cut
 from brepgaussian.splatting.concave.ends import lengthened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import with_islands
-from brepgaussian.splatting.concave.join import joined, told_once
+from brepgaussian.splatting.concave.join import joined, square_ends, told_once
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.shoulders import with_shoulders
-from brepgaussian.splatting.concave.sweep import straighten
+from brepgaussian.splatting.concave.sweep import Outlined, straighten
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
 from brepgaussian.splatting.concave.volume import Volume
@@ -29,13 +29,14 @@ _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that n
 logger = log.get_logger("stage1")
 
 
-def open_channels(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
+def open_channels(images: Images, hull: Volume, faces: Sequence[Outlined] = ()) -> tuple[Volume, list[Prism]]:
     """Cut a hull at its outer planes, and carry on all along what it leaves empty at one end or at one angle.
 
-    Arguments are those of `open_concavities`, as are the first two results.
+    Arguments are those of `open_concavities`, as are the first two results; `faces` are outlines (R, C) on lattices of
+    faces that views have confirmed: no channel goes through them.
     """
     hull, _ = flatten(images, hull)
-    hull, channels = straighten(images, hull)
+    hull, channels = straighten(images, hull, faces)
     return turn(images, hull), channels
 
 
@@ -60,7 +61,7 @@ def open_concavities(
         found = told_once(find_prisms(images, scene, hull.spacing, floors, planes), known, 2 * hull.spacing)
         if not found:
             break
-        found = with_shoulders(images, scene, found, 2 * hull.spacing)
+        found = with_shoulders(images, scene, square_ends(found, 2 * hull.spacing), 2 * hull.spacing)
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]

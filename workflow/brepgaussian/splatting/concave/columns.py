@@ -45,7 +45,7 @@ class Cut:
 
 
 @dataclass(frozen=True)
-class _Columns:
+class Columns:
     """A hull's field along a direction.
 
     Attributes:
@@ -60,7 +60,8 @@ class _Columns:
     spacing: float
 
     @classmethod
-    def of(cls, hull: Volume, normal: Array) -> "_Columns":
+    def of(cls, hull: Volume, normal: Array) -> "Columns":
+        """Those along a unit normal (3,)."""
         origin, spacing = hull.origin, hull.spacing
         first, second = plane_axes(normal)
         corners = origin + spacing * (np.array(np.meshgrid(*[[0, n - 1] for n in hull.field.shape])).reshape(3, -1).T)
@@ -99,7 +100,7 @@ class _Columns:
 
 def cuts(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
     """Columns that are empty somewhere between two neighbouring faces across a direction, and full elsewhere."""
-    columns = _Columns.of(hull, normal)
+    columns = Columns.of(hull, normal)
     return [
         cut
         for bottom, top, crossed in _spans(normal, faces, hull.spacing)
@@ -112,7 +113,7 @@ def holes(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
 
     Between those two only faces lie that are not beside the hole: the hull neither begins nor ends there.
     """
-    columns = _Columns.of(hull, normal)
+    columns = Columns.of(hull, normal)
     steps = _steps(normal, faces, hull.spacing)
     found = []
     for i, j in combinations(range(len(steps)), 2):
@@ -123,7 +124,7 @@ def holes(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
     return sorted(found, key=lambda cut: -cut.prisms[0].depth)
 
 
-def _between(columns: _Columns, bottom: float, top: float, crossed: bool) -> list[Cut]:
+def _between(columns: Columns, bottom: float, top: float, crossed: bool) -> list[Cut]:
     """Columns between two heights that are empty at both ends and, if nothing crosses them, somewhere."""
     inner = columns.between(bottom, top, _END_VOXELS)
     if not len(inner):

@@ -20,6 +20,8 @@ Lidded = tuple[Prism, Array]
 _OPPOSITE = 0.999  # cosine of 2.5 degrees
 _SAME_AREA = 1.5  # ratio of two outlines of one hole
 _LEANING = 0.9  # cosine of 26 degrees
+_SAME_WAY = 0.99  # cosine of 8 degrees: between a hole's axis and the direction that an oblique mouth tells
+_STEEPEST = 0.5  # cosine of 60 degrees: between a hole's axis and the normal of an oblique mouth
 _BEYOND = 3.0  # unit frame: clear of the object
 _FAR_SIDE = 0.25  # quantile of what rays hit from there: those through an open middle hit the near side
 _MOSTLY_GONE = 0.5  # of an opening: its border is the pocket's walls and floor
@@ -53,6 +55,42 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
                 if wider > tolerance:
                     left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
     return left
+
+
+def square_ends(found: Sequence[Prism], tolerance: float) -> list[Prism]:
+    """The same concavities, but a hole with one oblique mouth reaches from the square one to that.
+
+    Its direction is told by a degree or two from an oblique mouth, and exactly by the plane of a square one.
+
+    Args:
+        found: concavities that were found together in one hull.
+        tolerance: distance by which the axes of one hole may seem to differ.
+    """
+    left = dict(enumerate(found))
+    for i, oblique in enumerate(found):
+        ends = [j for j, square in left.items() if j != i and _is_other_end(square, oblique, tolerance)]
+        if ends:
+            square = left[ends[0]]
+            cells = oblique.lattice.centers()[oblique.outline]
+            depth = float((square.lattice.offset - cells @ square.lattice.normal).max())
+            left[ends[0]] = replace(square, depth=max(depth, square.depth), through=True, endless=False)
+            del left[i]
+    return list(left.values())
+
+
+def _is_other_end(square: Prism, oblique: Prism, tolerance: float) -> bool:
+    """Whether a concavity square to its plane, without a floor, may come out at the mouth of one that leans."""
+    lattice, normal = oblique.lattice, square.lattice.normal
+    if not _has_no_floor(square) or not _STEEPEST < -float(lattice.normal @ normal) < _OPPOSITE:
+        return False
+    way = oblique.tilt[0] * lattice.first + oblique.tilt[1] * lattice.second - lattice.normal
+    if any(oblique.tilt) and way @ normal < _SAME_WAY * np.linalg.norm(way):
+        return False
+    across = oblique.area * abs(float(lattice.normal @ normal))
+    away = _middle(oblique) - _middle(square)
+    aside = away - (away @ normal) * normal
+    alike = max(across, square.area) < _SAME_AREA * min(across, square.area)
+    return bool(alike and away @ normal < 0 and np.linalg.norm(aside) < tolerance)
 
 
 def in_line(found: Sequence[Lidded], again: Callable[[Array, Array], Sequence[Lidded]]) -> list[Prism]:

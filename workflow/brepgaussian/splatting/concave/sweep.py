@@ -18,21 +18,23 @@ from brepgaussian.splatting.concave.columns import BESIDE_VOXELS, FINER, PARALLE
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
+Outlined = tuple[Lattice, NDArray[np.bool_]]
 
 LEAST_AREA = 0.01  # of a face that ends a channel
 _MOST_BEND = 0.12  # rad: of faces that end a channel; slit walls, badly carved, bend by .09, strips of shafts by .13
-_LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
+LEAST_VOLUME_VOXELS = 300  # less is left to the surfels
 MOST_LOST = 0.01  # share of the rays through a cut that it may leave with nothing
 _DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not at its brim: the section is wrong
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
+_SHUT = 0.5  # of a channel's section lies behind faces without a hole there
 _SHORTER = (0.5, 0.7)  # of a column's length, from either end: what a wide bore's funnel in a hull would really be
 _MOST_CUTS = 4  # channels of one part
 _MOST_CHECKED = 12  # hypotheses of one direction, largest first
@@ -41,12 +43,13 @@ _MOST_TRIED = 6  # of all directions, for the next cut, largest first
 logger = log.get_logger("stage1")
 
 
-def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
+def straighten(images: Images, hull: Volume, faces: Sequence[Outlined] = ()) -> tuple[Volume, list[Prism]]:
     """Empty the columns that are empty at their ends.
 
     Args:
         images: of all views.
         hull: what silhouettes leave.
+        faces: that views have confirmed: outlines (R, C) on lattices.
 
     Returns:
         The hull and what was cut.
@@ -62,6 +65,8 @@ def straighten(images: Images, hull: Volume) -> tuple[Volume, list[Prism]]:
         every = [c for normal in directions(flat) for c in _possible(chords, samples, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:
+            if any(_is_shut(prism, faces, hull.spacing, not cut.at_ends) for prism in cut.prisms):
+                continue
             opened, good = _judged(images, hull, cut)
             if good and (cut.at_ends or not _ends_before(images, hull, cut, opened)):
                 less = None if cut.at_ends else _shown_at_ends(images, hull, cut, opened, every)
@@ -85,6 +90,27 @@ def _judged(images: Images, hull: Volume, cut: Cut) -> tuple[Volume, bool]:
         "" if good else ": not believed",
     )  # fmt: skip
     return opened, good
+
+
+def _is_shut(prism: Prism, faces: Sequence[Outlined], spacing: float, across: bool) -> bool:
+    """Whether confirmed faces cover one end of columns, or what lies before it.
+
+    What shows through a wall of one grey agrees with any depth behind it. Past a slope all columns are empty, and what
+    ends there only seems to be open at both ends; faces `across` columns count where these are not empty at both:
+    regions may take the mouth of a hole for a part of its face.
+    """
+    covered = {1.0: 0.0, -1.0: 0.0}
+    for lattice, outline in faces:
+        cells, heights = prism.lattice.coordinates(lattice.centers()[outline])
+        index = np.round(cells).astype(int)
+        within = (index >= 0).all(axis=1) & (index < prism.outline.shape).all(axis=1)
+        within &= (heights < 2 * spacing) & (heights > -prism.depth - 2 * spacing)
+        within[within] = prism.outline[tuple(index[within].T)]
+        facing = float(lattice.normal @ prism.lattice.normal)
+        if not across and abs(facing) > PARALLEL:
+            continue
+        covered[1.0 if facing > 0 else -1.0] += within.sum() * lattice.pitch**2 * abs(facing)
+    return max(covered.values()) > _SHUT * prism.area
 
 
 def _ends_before(images: Images, hull: Volume, cut: Cut, opened: Volume) -> bool:
@@ -164,7 +190,7 @@ def _possible(chords: Chords, samples: Array, cuts: list[Cut]) -> list[Cut]:
     ends = [c for c in kept if c.at_ends]
     if len(ends) > 1:
         kept.append(Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
-    return [c for c in kept if c.volume >= _LEAST_VOLUME_VOXELS]
+    return [c for c in kept if c.volume >= LEAST_VOLUME_VOXELS]
 
 
 def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:

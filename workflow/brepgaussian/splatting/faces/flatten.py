@@ -37,6 +37,7 @@ _LARGER = 1.1  # than before, for a face to be cut again
 _BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: views judge it, and the tighter hull is looked at again
 _GAIN = 0.75  # of the views' disagreement is left at most without a bulge: .2-.5 measured, .9-3.2 where walls went too
 _LEAST_RAYS = 100  # that tell, for them to judge
+_SPOT_SHARE = 0.01  # of the largest part of a face: views are not asked about smaller ones (.005 measured)
 _MOVED_VOXELS = 0.5  # between a hull that has moved and the hull as it was,
 _MOVED_SHARE = 0.2  # on this share of a face's samples: elsewhere nothing new is to be found
 _REACH_VOXELS = 2.0  # rays on which a bulge changes less than this don't judge it
@@ -116,7 +117,7 @@ def _flatten(
             continue
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
-    faces = [f for f in faces if _agreeable(images, f, hull, scene)]
+    faces = [_without_spots(images, f, hull, scene) for f in faces if _agreeable(images, f, hull, scene)]
     carved = _carve(hull, faces)
     after = carved.scene()
     kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
@@ -146,6 +147,25 @@ def _same(face: Face, other: Face, spacing: float) -> bool:
     return bool((within & (np.abs(heights) < spacing)).mean() > 0.5)
 
 
+def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene) -> Face:
+    """A face without the parts apart from most of it that a bulge stands on, unless the views tell that it does not.
+
+    Inside of a hub's wall a plane is seen by few views, past the wall, and has whatever regions lie behind.
+    """
+    parts = ndimage.label(face.outline, np.ones((3, 3)))[0]
+    sizes = np.bincount(parts.ravel())[1:]
+    outline = face.outline.copy()
+    for k in np.argsort(-sizes, kind="stable")[1:]:
+        part = replace(face, outline=parts == k + 1)
+        within, heights = over(part.lattice, part.outline, scene.vertices)
+        part = replace(part, bulge=float(heights[within].max(initial=0.0)))
+        if part.bulge < _BLIND_CELLS * hull.spacing:
+            continue
+        if sizes[k] < _SPOT_SHARE * sizes.max() or not _told(images, part, hull, scene, untold=False)[0]:
+            outline &= ~part.outline
+    return replace(face, outline=outline)
+
+
 def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
     """Whether views agree better once a bulge is gone, as far as they tell: else it is none, or more went with it.
 
@@ -153,14 +173,20 @@ def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
     """
     if face.bulge < _BLIND_CELLS * hull.spacing:
         return True
-    said = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
-    agreeable = better(said, _GAIN, _LEAST_RAYS, untold=True)
+    agreeable, (old, new, count) = _told(images, face, hull, scene, untold=True)
     if not agreeable:
-        old, new, count = said
         logger.info(
             "bulge %.4f: views disagree by %.2f for %.2f of the hull, %d rays: kept", face.bulge, new, old, count
         )
     return agreeable
+
+
+def _told(
+    images: Images, face: Face, hull: Volume, scene: Scene, untold: bool
+) -> tuple[bool, tuple[float, float, int]]:
+    """Whether views agree better without a bulge (`untold` if they tell nothing), and what they say."""
+    said = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
+    return better(said, _GAIN, _LEAST_RAYS, untold), said
 
 
 def _carve(hull: Volume, faces: list[Face]) -> Volume:

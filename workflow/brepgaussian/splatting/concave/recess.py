@@ -1,0 +1,135 @@
+"""Recesses that open at a face and at its edge: slots milled into a side, notches with a ceiling.
+
+Silhouettes see into them from two sides and carve their mouth, but not the inner corner: what they leave there has no
+planar lid. At the face the recess shows its section; how deep that goes the views tell, as of a channel.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.agreement import better, disagreements, rays_at_object
+from brepgaussian.splatting.concave.columns import FINER, Columns
+from brepgaussian.splatting.concave.contours import chords_in, lost_share
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.sweep import LEAST_VOLUME_VOXELS, MOST_LOST, Outlined
+from brepgaussian.splatting.concave.volume import Volume
+
+Array = NDArray[np.float64]
+
+_MOUTH_VOXELS = (1.0, 3.5)  # below a face, between which a recess shows its section
+_WALLS = 0.5  # of a section's border are walls, else it is what lies beside a boss or before a wall
+_LEAST_CELLS = 30  # of a section, in voxels
+_DEPTHS = 8  # that are tried, evenly, before those around the best
+_MOST_TRIED = 4  # sections of all faces, those with most in them first
+_COVERED = 0.1  # of a section is cut away of faces that views have confirmed: they stand in it
+_GAIN = 0.6  # of the disagreement is left at most
+_LEAST_RAYS = 100
+
+logger = log.get_logger("stage1")
+
+
+def open_recesses(images: Images, hull: Volume, faces: Sequence[Outlined]) -> tuple[Volume, list[Prism]]:
+    """Carve what is left in the recesses of confirmed faces.
+
+    Args:
+        images: of all views.
+        hull: opened elsewhere.
+        faces: that views have confirmed: outlines (R, C) on lattices.
+
+    Returns:
+        The opened hull and the recesses.
+    """
+    done: list[Prism] = []
+    sections = [s for face in faces for s in _sections(hull, face, faces)]
+    for deepest, _ in sorted(sections, key=lambda s: -s[1])[:_MOST_TRIED]:
+        found = _deepened(images, hull, deepest)
+        if found is not None:
+            hull = hull.without(found, 0.0)
+            done.append(found)
+    return hull, done
+
+
+def _sections(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[tuple[Prism, float]]:
+    """Sections that are empty at a face and full below it, as deep as nothing confirmed stands in them; and voxels."""
+    normal, top = face[0].normal, face[0].offset
+    columns = Columns.of(hull, normal)
+    near, far = (top - v * hull.spacing for v in _MOUTH_VOXELS)
+    at_mouth = columns.field[(columns.heights < near) & (columns.heights > far)]
+    below = columns.field[columns.heights <= far]
+    if not len(at_mouth) or not len(below):
+        return
+    solid, filled = at_mouth.max(axis=0) > 0, below.max(axis=0) > 0
+    labels, count = ndimage.label(~solid & filled)
+    for k in range(1, count + 1):
+        section = labels == k
+        rim = ndimage.binary_dilation(section) & ~section
+        if section.sum() < _LEAST_CELLS or solid[rim].mean() < _WALLS:
+            continue
+        prism = columns.prism(np.kron(section, np.ones((FINER, FINER), bool)), float(columns.heights[0]), top)
+        depth = _free_depth(prism, faces, hull.spacing)
+        volume = (below[columns.heights[: len(below)] > top - depth] > 0)[:, section].sum()
+        if volume >= LEAST_VOLUME_VOXELS:
+            yield replace(prism, depth=depth), float(volume)
+
+
+def _free_depth(prism: Prism, faces: Sequence[Outlined], spacing: float) -> float:
+    """Down to where a confirmed face stands in a section."""
+    depth = prism.depth
+    for lattice, outline in faces:
+        centers = lattice.centers()[outline]
+        cells, heights = prism.lattice.coordinates(centers)
+        index = np.round(cells).astype(int)
+        within: NDArray[np.bool_] = ((index >= 0) & (index < prism.outline.shape)).all(axis=1)
+        within[within] = prism.outline[tuple(index[within].T)]
+        down = np.sort(-heights[within & (heights < -2 * spacing)])
+        share = np.arange(1, len(down) + 1) * lattice.pitch**2 / prism.area
+        if len(down) and share[-1] > _COVERED:
+            depth = min(depth, float(down[share > _COVERED][0]))
+    return depth
+
+
+def _deepened(images: Images, hull: Volume, deepest: Prism) -> Prism | None:
+    """The section down to where views agree best, or None if they don't agree much better."""
+    scene = hull.scene()
+    rays = rays_at_object(images).hitting(scene, lambda points: deepest.contains(points, 0.0))
+    before = rays.costs(scene)
+    if np.count_nonzero(before[1]) < _LEAST_RAYS:
+        return None
+    known: dict[float, float] = {0.0: 0.0}
+
+    def cost(depth: float) -> float:
+        """By how much more the rays disagree in all."""
+        if depth not in known:
+            after = rays.costs(hull.without(replace(deepest, depth=depth), 0.0).scene())
+            known[depth] = float((after[0] - before[0])[before[1] & after[1]].sum())
+        return known[depth]
+
+    step = deepest.depth / _DEPTHS
+    best = min((float(k * step) for k in range(_DEPTHS + 1)), key=cost)
+    if not best:
+        return None
+    while step > hull.spacing / 2:
+        step /= 2
+        best = min((d for d in (best, best - step, best + step) if 0 < d <= deepest.depth), key=cost)
+    return _judged(images, hull, scene, replace(deepest, depth=best))
+
+
+def _judged(images: Images, hull: Volume, scene: Scene, recess: Prism) -> Prism | None:
+    """A recess, or None if views don't agree much better, or silhouettes need what was there."""
+    old, new, count = said = disagreements(images, scene, hull.without(recess, 0.0).scene(), 2 * hull.spacing)
+    chords = chords_in(scene, *images.contour_rays)
+    lost = lost_share(chords, recess.contains(chords.samples(), 0.0))
+    good = better(said, _GAIN, _LEAST_RAYS, untold=False) and lost <= MOST_LOST
+    logger.info(
+        "recess of area %.4f, normal %s, %.4f deep: views disagree by %.2f for %.2f of the hull, %d rays%s",
+        recess.area, np.round(recess.lattice.normal, 2).tolist(), recess.depth, new, old, count,
+        "" if good else ": not believed",
+    )  # fmt: skip
+    return recess if good else None
