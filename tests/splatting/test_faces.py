@@ -11,13 +11,13 @@ from brepgaussian.artifacts.views import read_views
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.prism import Lattice, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import flatten
 from brepgaussian.splatting.faces.align import Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import Candidate
-from brepgaussian.splatting.faces.confirm import Face, confirm, over
+from brepgaussian.splatting.faces.confirm import Face, confirm
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 from poses import look_at

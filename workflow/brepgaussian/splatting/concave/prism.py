@@ -71,6 +71,15 @@ def carried(start: Lattice, outline: NDArray[np.bool_], lattice: Lattice) -> NDA
     return result.reshape(lattice.shape)
 
 
+def over(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> tuple[NDArray[np.bool_], Array]:
+    """(N,) whether points lie over (or under) the outline, and (N,) their heights above the plane."""
+    cells, heights = lattice.coordinates(points)
+    index = np.round(cells).astype(int)
+    within: NDArray[np.bool_] = np.all((index >= 0) & (index < outline.shape), axis=1)
+    within[within] = outline[index[within, 0], index[within, 1]]
+    return within, heights
+
+
 @dataclass(frozen=True)
 class Prism:
     """One concavity.

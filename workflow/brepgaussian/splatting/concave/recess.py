@@ -16,7 +16,7 @@ from brepgaussian.splatting.concave.agreement import better, disagreements, rays
 from brepgaussian.splatting.concave.columns import FINER, Columns
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sweep import LEAST_VOLUME_VOXELS, MOST_LOST, Outlined
 from brepgaussian.splatting.concave.volume import Volume
@@ -83,11 +83,7 @@ def _free_depth(prism: Prism, faces: Sequence[Outlined], spacing: float) -> floa
     """Down to where a confirmed face stands in a section."""
     depth = prism.depth
     for lattice, outline in faces:
-        centers = lattice.centers()[outline]
-        cells, heights = prism.lattice.coordinates(centers)
-        index = np.round(cells).astype(int)
-        within: NDArray[np.bool_] = ((index >= 0) & (index < prism.outline.shape)).all(axis=1)
-        within[within] = prism.outline[tuple(index[within].T)]
+        within, heights = over(prism.lattice, prism.outline, lattice.centers()[outline])
         down = np.sort(-heights[within & (heights < -2 * spacing)])
         share = np.arange(1, len(down) + 1) * lattice.pitch**2 / prism.area
         if len(down) and share[-1] > _COVERED:

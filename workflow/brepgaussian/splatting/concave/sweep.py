@@ -18,7 +18,7 @@ from brepgaussian.splatting.concave.columns import BESIDE_VOXELS, FINER, PARALLE
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_rays, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, planar_regions
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 
@@ -101,11 +101,8 @@ def _is_shut(prism: Prism, faces: Sequence[Outlined], spacing: float, across: bo
     """
     covered = {1.0: 0.0, -1.0: 0.0}
     for lattice, outline in faces:
-        cells, heights = prism.lattice.coordinates(lattice.centers()[outline])
-        index = np.round(cells).astype(int)
-        within = (index >= 0).all(axis=1) & (index < prism.outline.shape).all(axis=1)
+        within, heights = over(prism.lattice, prism.outline, lattice.centers()[outline])
         within &= (heights < 2 * spacing) & (heights > -prism.depth - 2 * spacing)
-        within[within] = prism.outline[tuple(index[within].T)]
         facing = float(lattice.normal @ prism.lattice.normal)
         if not across and abs(facing) > PARALLEL:
             continue

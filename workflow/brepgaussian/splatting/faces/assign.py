@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.splatting.faces.confirm import Face, over
+from brepgaussian.splatting.concave.prism import over
+from brepgaussian.splatting.faces.confirm import Face
 
 _FAR_CELLS = 1.5  # of the hull; a surfel farther from the plane is not on it
 _ALIKE = np.cos(np.radians(25.0))  # of a surfel's normal and the face's

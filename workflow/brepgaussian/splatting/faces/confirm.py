@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.prism import Lattice, plane_axes
+from brepgaussian.splatting.concave.prism import Lattice, over, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.faces.align import Aligned, Stack
 from brepgaussian.splatting.faces.candidates import Candidate
@@ -114,15 +114,6 @@ def _bulge(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> float
     """How far points over the outline stand out of the plane."""
     within, heights = over(lattice, outline, points)
     return max(float(heights[within].max(initial=0.0)), 0.0)
-
-
-def over(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> tuple[NDArray[np.bool_], Array]:
-    """(N,) whether points lie over (or under) the outline, and (N,) their heights above the plane."""
-    cells, heights = lattice.coordinates(points)
-    index = np.round(cells).astype(int)
-    within: NDArray[np.bool_] = np.all((index >= 0) & (index < outline.shape), axis=1)
-    within[within] = outline[index[within, 0], index[within, 1]]
-    return within, heights
 
 
 def _is_level(

@@ -12,12 +12,12 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import candidates
-from brepgaussian.splatting.faces.confirm import Face, confirm, over
+from brepgaussian.splatting.faces.confirm import Face, confirm
 from brepgaussian.splatting.faces.holes import clear_holes
 
 Array = NDArray[np.float64]

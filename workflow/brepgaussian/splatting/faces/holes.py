@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.log import get_logger
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.faces.confirm import Face, over
+from brepgaussian.splatting.faces.confirm import Face
 
 Array = NDArray[np.float64]
 Needed = Callable[[Array, Scene], NDArray[np.bool_]]

@@ -1,0 +1,122 @@
+"""Recesses that open at a face and at its edge, down to where views agree; and columns that end in a slope."""
+
+import numpy as np
+import pytest
+from brepgaussian.splatting.concave import Images, recess, sweep
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.recess import open_recesses
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.hull import hull_field, silhouette_distance
+from build123d import Align, Box, Pos
+from rendered import rendered
+
+SPACING = 1 / 100
+X, Y, Z = np.moveaxis(np.stack(np.meshgrid(*[SPACING * np.arange(101)] * 3, indexing="ij"), axis=-1), -1, 0)
+BLOCK = np.minimum.reduce([0.4 - np.abs(X - 0.5), 0.3 - np.abs(Y - 0.5), 0.3 - np.abs(Z - 0.5)])
+TOP, BOTTOM = 0.8, 0.2
+
+
+def solid(*cut):
+    return Volume(np.minimum.reduce([BLOCK, *(-c for c in cut)]).astype(np.float32), np.zeros(3), SPACING)
+
+
+def face_at(height, up=1.0, without=None):
+    """The block's face across z at a height, but for some of its cells."""
+    lattice = Lattice(np.array([0.1, 0.5 - 0.3 * up, height]), *(np.eye(3) * [[1.0], [up], [up]]), 0.01, (80, 60))
+    centers = lattice.centers()
+    outline = np.ones((80, 60), bool)
+    return lattice, outline if without is None else outline & ~without(centers[..., 0], centers[..., 1])
+
+
+def slot(depth, rise=0.0):
+    """Of a slot in the block's top, .2 wide, open at x = .1, as long as .3; its far end and its floor rise inwards."""
+    floor = TOP - depth + rise * np.maximum(X - 0.1, 0)
+    return np.minimum.reduce([0.1 - np.abs(Y - 0.5), 0.4 - X, Z - floor])
+
+
+def within_slot(x, y):
+    return (np.abs(y - 0.5) < 0.1) & (x < 0.4)
+
+
+def test_the_section_of_a_recess_is_what_is_empty_at_a_face_and_full_below():
+    face = face_at(TOP, without=within_slot)
+    ((prism, voxels),) = recess._sections(solid(slot(0.3, rise=0.8)), face, [face])
+    assert prism.area == pytest.approx(0.2 * 0.3, rel=0.15)
+    assert prism.depth > 0.55
+    np.testing.assert_allclose(prism.lattice.centers()[prism.outline].mean(axis=0), [0.25, 0.5, TOP], atol=0.02)
+    assert voxels > 1000
+
+
+@pytest.mark.parametrize("beside", ["a boss", "a step"])
+def test_what_lies_beside_a_boss_or_before_a_wall_is_no_recess(beside):
+    around = np.hypot(X - 0.5, Y - 0.5) - 0.12 if beside == "a boss" else 0.45 - X
+    face = face_at(TOP, without=lambda x, y: (np.hypot(x - 0.5, y - 0.5) > 0.12) if beside == "a boss" else x < 0.45)
+    assert not list(recess._sections(solid(np.minimum(around, Z - 0.6)), face, [face]))
+
+
+def test_a_recess_ends_above_a_face_that_stands_in_it():
+    mouth = face_at(TOP, without=within_slot)
+    floor = face_at(0.6, without=lambda x, y: ~within_slot(x, y))
+    ((prism, _),) = recess._sections(solid(slot(0.3, rise=0.8)), mouth, [mouth, floor])
+    assert prism.depth == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("part", "length", "depth"),
+    [("slot", 10.0, 12.0), ("solid", 0.0, 0.0)],
+)
+def test_a_slot_that_is_open_at_two_sides_is_carved_to_its_inner_corner(tmp_path, part, length, depth):
+    """Its hull has no planar lid there; without a face nothing is sought."""
+    block = Box(60, 28, 32, align=Align.MIN)
+    if part == "slot":
+        block -= Pos(0, 9, 0) * Box(length, 10, depth, align=Align.MIN)
+    views, truth = rendered(tmp_path, block, 40, 500)
+    hull = Volume(*_field(views))
+    images = Images.of(views, 0.0)
+    corner = truth.mesh_vertices.min(axis=0)
+    scale = float(np.ptp(truth.mesh_vertices, axis=0).max()) / 60
+    axes = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
+    lattice = Lattice(corner - 28 * scale * axes[1], *axes, scale / 2, (120, 56))
+    x, y = np.moveaxis((lattice.centers() - corner)[..., :2] / scale, -1, 0)
+    outline = ~((x < length) & (np.abs(y - 14) < 5))
+    opened, found = open_recesses(images, hull, [(lattice, outline)])
+    assert not open_recesses(images, hull, [])[1]
+    assert len(found) == (part == "slot")
+    if found:
+        assert found[0].depth == pytest.approx(depth * scale, abs=0.01)
+        inner = corner + scale * np.array(
+            [[length - 1.5, 14, depth - 1.5], [length - 1.5, 11, 2], [1, 17, depth - 1.5]]
+        )
+        beyond = corner + scale * np.array([[length + 1, 14, 5], [5, 14, depth + 1], [5, 7.5, 5]])
+        assert (opened.scene().signed_distance(inner) > 0).all()
+        assert (opened.scene().signed_distance(beyond) < 0).all()
+
+
+def _field(views):
+    """The hull's field, origin and spacing."""
+    alpha = np.stack([np.clip(silhouette_distance(a) * 32, -32000, 32000).astype(np.int16) for a in views.alpha])
+    return hull_field(alpha, views.cameras, 160, 1)
+
+
+@pytest.mark.parametrize(("across", "holed", "shut"), [(True, False, True), (True, True, False), (False, False, False)])
+def test_a_channel_does_not_go_through_a_face(across, holed, shut):
+    """Unless the hull is open on both sides of it: a hole's mouth may have the face's grey."""
+    prism = Prism(
+        Lattice(np.array([0.4, 0.4, TOP]), *np.eye(3), 0.01, (20, 20)), np.ones((20, 20), bool), 0.6, False, 0
+    )
+    hole = (lambda x, y: np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) < 0.1) if holed else None
+    assert sweep._is_shut(prism, [face_at(BOTTOM, -1.0, hole)], SPACING, across) == shut
+
+
+@pytest.mark.parametrize(("lean", "shut"), [(0.5, True), (0.0, False)])
+def test_a_channel_that_leaves_by_a_slope_is_not_open_at_both_ends(lean, shut):
+    """Past the slope every column is empty."""
+    prism = Prism(
+        Lattice(np.array([0.4, 0.4, TOP]), *np.eye(3), 0.01, (20, 20)), np.ones((20, 20), bool), 0.6, False, 0
+    )
+    normal = np.array([-np.sin(lean), 0, -np.cos(lean)])
+    first = np.array([np.cos(lean), 0, -np.sin(lean)])
+    second = np.cross(normal, first)
+    middle = np.array([0.5, 0.5, 0.4])
+    lattice = Lattice(middle - 0.3 * first - 0.3 * second, first, second, normal, 0.01, (60, 60))
+    assert sweep._is_shut(prism, [(lattice, np.ones((60, 60), bool))], SPACING, across=False) == shut
