@@ -58,7 +58,7 @@ def test_a_groove_around_a_ring_is_emptied(tmp_path):
 
     found = {}
 
-    def look(images, hull):
+    def look(images, hull, faces):
         found["before"] = distances(hull)
         hull = turn(images, hull)
         found["after"] = distances(hull)
