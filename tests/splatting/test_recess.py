@@ -14,6 +14,7 @@ SPACING = 1 / 100
 X, Y, Z = np.moveaxis(np.stack(np.meshgrid(*[SPACING * np.arange(101)] * 3, indexing="ij"), axis=-1), -1, 0)
 BLOCK = np.minimum.reduce([0.4 - np.abs(X - 0.5), 0.3 - np.abs(Y - 0.5), 0.3 - np.abs(Z - 0.5)])
 TOP, BOTTOM = 0.8, 0.2
+SHAFT = Prism(Lattice(np.array([0.4, 0.4, TOP]), *np.eye(3), 0.01, (20, 20)), np.ones((20, 20), bool), 0.6, False, 0)
 
 
 def solid(*cut):
@@ -101,22 +102,16 @@ def _field(views):
 @pytest.mark.parametrize(("across", "holed", "shut"), [(True, False, True), (True, True, False), (False, False, False)])
 def test_a_channel_does_not_go_through_a_face(across, holed, shut):
     """Unless the hull is open on both sides of it: a hole's mouth may have the face's grey."""
-    prism = Prism(
-        Lattice(np.array([0.4, 0.4, TOP]), *np.eye(3), 0.01, (20, 20)), np.ones((20, 20), bool), 0.6, False, 0
-    )
     hole = (lambda x, y: np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) < 0.1) if holed else None
-    assert sweep._is_shut(prism, [face_at(BOTTOM, -1.0, hole)], SPACING, across) == shut
+    assert sweep._is_shut(SHAFT, [face_at(BOTTOM, -1.0, hole)], SPACING, across) == shut
 
 
 @pytest.mark.parametrize(("lean", "shut"), [(0.5, True), (0.0, False)])
 def test_a_channel_that_leaves_by_a_slope_is_not_open_at_both_ends(lean, shut):
     """Past the slope every column is empty."""
-    prism = Prism(
-        Lattice(np.array([0.4, 0.4, TOP]), *np.eye(3), 0.01, (20, 20)), np.ones((20, 20), bool), 0.6, False, 0
-    )
     normal = np.array([-np.sin(lean), 0, -np.cos(lean)])
     first = np.array([np.cos(lean), 0, -np.sin(lean)])
     second = np.cross(normal, first)
     middle = np.array([0.5, 0.5, 0.4])
     lattice = Lattice(middle - 0.3 * first - 0.3 * second, first, second, normal, 0.01, (60, 60))
-    assert sweep._is_shut(prism, [(lattice, np.ones((60, 60), bool))], SPACING, across=False) == shut
+    assert sweep._is_shut(SHAFT, [(lattice, np.ones((60, 60), bool))], SPACING, across=False) == shut

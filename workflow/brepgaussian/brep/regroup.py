@@ -34,21 +34,20 @@ _LARGEST = 1.5  # radius, longest sides of the object
 def regrouped(patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Iterator[Change]:
     """A simpler face and a larger fillet for every pair of a curved patch and a fillet beside it, best kind first."""
     for i, patch in enumerate(patches):
-        if patch.surface.kind not in (*_SHARED, "cylinder"):
-            continue
-        tree = cKDTree(patch.xyz)
-        for j, fillet in enumerate(patches):
-            if j == i or not _rolls(fillet) or not _may_share(patch.surface, fillet.surface):
-                continue
+        beside = [j for j, p in enumerate(patches) if j != i and _rolls(p) and _may_share(patch.surface, p.surface)]
+        tree = cKDTree(patch.xyz) if beside else None
+        for j in beside:
+            fillet = patches[j]
             if not touch(fillet, patch, tree=tree):
                 continue
             found = [f for kind in _SIMPLE if (f := _apart(kind, patch, fillet, noise, rng)) is not None]
             if found:
                 face, larger = min(found, key=lambda pair: _misfit(*pair))
                 rest = [k for k in range(len(patches)) if k not in (i, j)]
+                others = [patches[k] for k in rest]
                 name = f"patch {patch.primitive} as a {face.surface.kind} beside patch {fillet.primitive}"
-                pair = _touching(face, larger, [patches[k] for k in rest], noise)
-                moved = _moved(pair, [patches[k] for k in rest], noise)
+                pair = _touching(face, larger, others, noise)
+                moved = _moved(pair, others, noise)
                 yield Change(name, (i, j, *(rest[m] for m in moved)), (*pair, *moved.values()))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import better, disagreements, rays_at_object
+from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_at_object
 from brepgaussian.splatting.concave.columns import FINER, Columns
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
@@ -48,10 +48,14 @@ def open_recesses(images: Images, hull: Volume, faces: Sequence[Outlined]) -> tu
     """
     done: list[Prism] = []
     sections = [s for face in faces for s in _sections(hull, face, faces)]
+    if not sections:
+        return hull, done
+    scene, rays = hull.scene(), rays_at_object(images)
     for deepest, _ in sorted(sections, key=lambda s: -s[1])[:_MOST_TRIED]:
-        found = _deepened(images, hull, deepest)
+        found = _deepened(images, hull, scene, rays, deepest)
         if found is not None:
             hull = hull.without(found, 0.0)
+            scene = hull.scene()
             done.append(found)
     return hull, done
 
@@ -91,10 +95,9 @@ def _free_depth(prism: Prism, faces: Sequence[Outlined], spacing: float) -> floa
     return depth
 
 
-def _deepened(images: Images, hull: Volume, deepest: Prism) -> Prism | None:
-    """The section down to where views agree best, or None if they don't agree much better."""
-    scene = hull.scene()
-    rays = rays_at_object(images).hitting(scene, lambda points: deepest.contains(points, 0.0))
+def _deepened(images: Images, hull: Volume, scene: Scene, rays: Rays, deepest: Prism) -> Prism | None:
+    """The section down to where views agree best, or None if they don't agree much better; `rays` at the object."""
+    rays = rays.hitting(scene, lambda points: deepest.contains(points, 0.0))
     before = rays.costs(scene)
     if np.count_nonzero(before[1]) < _LEAST_RAYS:
         return None

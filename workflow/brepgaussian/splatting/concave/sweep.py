@@ -101,11 +101,11 @@ def _is_shut(prism: Prism, faces: Sequence[Outlined], spacing: float, across: bo
     """
     covered = {1.0: 0.0, -1.0: 0.0}
     for lattice, outline in faces:
-        within, heights = over(prism.lattice, prism.outline, lattice.centers()[outline])
-        within &= (heights < 2 * spacing) & (heights > -prism.depth - 2 * spacing)
         facing = float(lattice.normal @ prism.lattice.normal)
         if not across and abs(facing) > PARALLEL:
             continue
+        within, heights = over(prism.lattice, prism.outline, lattice.centers()[outline])
+        within &= (heights < 2 * spacing) & (heights > -prism.depth - 2 * spacing)
         covered[1.0 if facing > 0 else -1.0] += within.sum() * lattice.pitch**2 * abs(facing)
     return max(covered.values()) > _SHUT * prism.area
 
