@@ -1,7 +1,7 @@
-import cv2
 import numpy as np
 import pytest
-from brepgaussian.masks.steps import crop, estimate_noise, fill_outside, half_disks, step_strength, without_shading
+from brepgaussian.masks.steps import crop, half_disks, step_strength, without_shading
+from brepgaussian.views.noise import fill_outside
 
 
 def slow_step(grey, inside, radius, row, column):
@@ -48,36 +48,6 @@ def test_direction_of_a_line():
     grey[20:] = 50  # a horizontal line
     assert step_strength(grey, inside, 3)[1][20, 20] == 0
     assert step_strength(grey.T.copy(), inside, 3)[1][20, 20] == 4
-
-
-@pytest.mark.parametrize("sigma", [1.0, 2.0, 5.0, 9.0])
-def test_noise_is_estimated_on_shaded_faces(sigma):
-    rng = np.random.default_rng(17)
-    y, x = np.mgrid[:120, :150]
-    grey = 80 + 0.3 * x + 0.002 * y**2 + 60 * (x > 70)
-    noisy = np.rint(grey + rng.normal(0, sigma, grey.shape)).astype(np.float32)
-    assert estimate_noise(noisy, np.ones(grey.shape, bool)) == pytest.approx(sigma, rel=0.15)
-
-
-@pytest.mark.parametrize(("quality", "sigma"), [(75, 3), (75, 5), (85, 2), (85, 3), (85, 5), (95, 2), (95, 3), (95, 5)])
-def test_noise_that_a_jpeg_keeps_is_estimated(quality, sigma):
-    """Compression takes the fine part of noise away, so that neighbours alone say there is hardly any."""
-    rng = np.random.default_rng(18)
-    y, x = np.mgrid[:240, :300]
-    grey = np.rint(80 + 0.2 * x + 0.001 * y**2 + 60 * (x > 140)).astype(np.uint8)
-    noisy = np.clip(np.rint(grey + rng.normal(0, sigma, grey.shape)), 0, 255).astype(np.uint8)
-    _, encoded = cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    kept = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE).astype(np.float32)
-    rest = (kept - grey)[:, (x[0] < 130) | (x[0] > 152)].std()  # the step's blocks ring
-    assert estimate_noise(kept, np.ones(grey.shape, bool)) == pytest.approx(rest, rel=0.25)
-
-
-def test_noise_free_jpegs_have_little() -> None:
-    y, x = np.mgrid[:240, :300]
-    grey = np.rint(80 + 0.2 * x + 0.001 * y**2 + 60 * (x > 140)).astype(np.uint8)
-    _, encoded = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, 85])
-    kept = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE).astype(np.float32)
-    assert estimate_noise(kept, np.ones(grey.shape, bool)) < 0.6
 
 
 def test_crop_ignores_garbage_off_the_object():

@@ -17,6 +17,7 @@ from brepgaussian.masks.edges import region_edges
 from brepgaussian.masks.evaluate import EdgeScore, RegionScore, score_edges, score_regions
 from brepgaussian.masks.stage import detect
 from brepgaussian.settings.masks import MasksSettings
+from brepgaussian.views.noise import denoised
 
 COLUMNS = (
     "object group noise edges patches repaired edge_f_all edge_f_interior region_f_50 region_f_75 over under seconds"
@@ -63,6 +64,7 @@ def benchmark_masks(
     for noise in noises:
         noisy = add_noise(views, noise, settings.seed)
         start = time.perf_counter()
+        noisy = denoised(noisy, threads)
         masks = detect(noisy, settings, threads, truth)
         seconds = time.perf_counter() - start
         row: dict[str, Any] = {

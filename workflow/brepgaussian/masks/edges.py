@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from skimage.filters import apply_hysteresis_threshold
 
 from brepgaussian.errors import InputError, ToolError
-from brepgaussian.masks.steps import DIRECTIONS, OPAQUE, Crop, noise_map, step_strength, without_shading
+from brepgaussian.masks.steps import DIRECTIONS, Crop, noise_map, step_strength, without_shading
+from brepgaussian.views.checks import OPAQUE
 
 _WEAK = 0.5  # edges that start above the threshold are followed down to this share of it
 _NOISE_FACTOR = 4.0  # the strongest of 8 noisy half-disk steps stays below so many of their standard errors

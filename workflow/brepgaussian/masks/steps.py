@@ -7,15 +7,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.views.checks import OPAQUE
+from brepgaussian.views.noise import estimate_noise, fill_outside, high_pass
+
 DIRECTIONS = 8  # orientations of the line that divides the disk, over 180 degrees
-OPAQUE = 128  # alpha from which a pixel centre counts as covered
 _MARGIN = 4  # px kept around the silhouette, so that its border has an outside
 _MIN_SHARE = 0.35  # a half-disk needs this share of its pixels on the object
-_QUANTISATION = 12**-0.5  # standard deviation of rounding to whole grey levels
-_MAD_TO_SIGMA = 1.4826
 _QUARTILE, _QUARTILE_OF_NORMAL = 0.75, 1.1503  # of |x| for a standard normal x
-_COARSE_PX = 3  # of a JPEG's 8 x 8 patterns, the finest that quality 85 and below keeps of noise of two grey levels
-_SHADING_AT_COARSE = 0.5  # grey levels: what curved faces without noise answer at that spacing
 _RINGING_PX = (2.0, 8.0)  # depths inside the silhouette where JPEG's blocks of 8 x 8 ring
 
 
@@ -62,35 +60,6 @@ def crop(luminance: NDArray[np.float32], alpha: NDArray[np.uint8]) -> Crop | Non
     return Crop(box, grey, inside, estimate_noise(grey, inside))
 
 
-def fill_outside(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Replace pixels off the object by the nearest object pixel (renderers leave garbage there)."""
-    _, labels = cv2.distanceTransformWithLabels(
-        (~inside).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    nearest = np.zeros(labels.max() + 1, np.float32)
-    nearest[labels[inside]] = grey[inside]
-    return np.where(inside, grey, nearest[labels])
-
-
-def estimate_noise(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> float:
-    """Standard deviation of the image noise in grey levels, from the silhouette's interior.
-
-    The median response to a mask that cancels planes of luminance and their products (Immerkaer, 1996), so edges and
-    shading hardly count. Once between neighbours, and once between pixels further apart, for compression (JPEG) leaves
-    noise to coarse patterns alone. At least the noise of rounding to whole levels.
-    """
-    fine, coarse = _typical_response(grey, inside, 1), _typical_response(grey, inside, _COARSE_PX)
-    coarse = max(coarse**2 - _SHADING_AT_COARSE**2, 0.0) ** 0.5
-    return max(fine, coarse, _QUANTISATION)
-
-
-def _typical_response(grey: NDArray[np.float32], inside: NDArray[np.bool_], spacing: int) -> float:
-    """Standard deviation of white noise that would answer the mask of such a spacing so; 0 where it fits nowhere."""
-    window = np.ones((2 * spacing + 1, 2 * spacing + 1), np.uint8)
-    core = cv2.erode(inside.astype(np.uint8), window, borderValue=0) > 0
-    return _MAD_TO_SIGMA * float(np.median(_high_pass(grey, spacing)[core])) if core.any() else 0.0
-
-
 def noise_map(crop: Crop) -> NDArray[np.float32]:
     """(h, w) standard deviation of the noise per pixel: compression makes more of it beside the silhouette.
 
@@ -98,21 +67,9 @@ def noise_map(crop: Crop) -> NDArray[np.float32]:
     """
     depth = np.asarray(cv2.distanceTransform(crop.inside.astype(np.uint8), cv2.DIST_L2, 5))
     band = (depth > _RINGING_PX[0]) & (depth <= _RINGING_PX[1])
-    near = float(np.quantile(_high_pass(crop.grey)[band], _QUARTILE)) if band.any() else 0.0
+    near = float(np.quantile(high_pass(crop.grey)[band], _QUARTILE)) if band.any() else 0.0
     near = max(near / _QUARTILE_OF_NORMAL, crop.noise)
     return np.where(depth <= _RINGING_PX[1], near, crop.noise).astype(np.float32)
-
-
-def _high_pass(grey: NDArray[np.float32], spacing: int = 1) -> NDArray[np.float32]:
-    """Absolute response to a mask of unit norm that cancels planes of luminance and their products.
-
-    Args:
-        grey: (h, w) luminance.
-        spacing: between the pixels that it compares, px.
-    """
-    second = np.zeros(2 * spacing + 1, np.float32)
-    second[::spacing] = 1, -2, 1
-    return np.asarray(np.abs(cv2.filter2D(grey, cv2.CV_32F, np.outer(second, second) / 6)), np.float32)
 
 
 @cache

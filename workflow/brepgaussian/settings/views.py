@@ -34,6 +34,7 @@ class ViewsSettings:
         0.0, "Standard deviation of Gaussian noise added to the images.", unit="grey level", minimum=0, maximum=64
     )
     jpeg_quality: int = setting(0, "Pass the images through JPEG of this quality; 0 is off.", minimum=0, maximum=100)
+    denoise: bool = setting(True, "Smooth the images by non-local means where their noise is 0.75 grey levels or more.")
     truth_points: int = setting(20000, "Points of the truth, uniform by area.", minimum=1000, maximum=1000000)
     curve_spacing: float = setting(
         0.005, "Distance of samples on the truth's sharp curves.", unit="unit frame", minimum=1e-4

@@ -14,6 +14,7 @@ from brepgaussian.settings.base import digest
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.views.checks import check_silhouettes
 from brepgaussian.views.degrade import degrade_photos
+from brepgaussian.views.noise import denoised
 from brepgaussian.views.source import Loaded
 
 LOG = get_logger("views")
@@ -59,6 +60,8 @@ def make_views(
     check_silhouettes(loaded.views, path)
     provenance = Provenance(object_name, digest(settings))
     views = loaded.views if _LOADERS[source][0] == _RENDERED else degrade_photos(loaded.views, settings)
+    if settings.denoise:
+        views = denoised(views, threads)
     views.write(out_views, provenance)
     LOG.info(
         "%s: %d views of %d x %d px, world unit %s, scale %.6g per unit-frame length",
