@@ -88,6 +88,16 @@ def test_without_a_reason_there_is_no_fillet(away, depth):
     assert fillets(structure, surfaces, patches, np.zeros((0, 4))) == []
 
 
+@pytest.mark.parametrize(("px", "proposed"), [(0.1, False), (0.8, True), (None, True)])
+def test_a_convex_edge_that_images_confirm_gets_no_fillet(px, proposed):
+    _, surfaces, patches = pocket()
+    ridge = [replace(s, axis=-s.axis) for s in surfaces]
+    structure = Structure((), tuple(replace(e, convexity="convex") for e in pocket()[0].edges), ())
+    off = beside(structure.edges[0], surfaces, 0.02, 1.0)
+    rows = [{"name": f"edge {k}", "silhouette_px": None, "interior_px": px} for k in range(4)]
+    assert bool(fillets(structure, ridge, patches, off, rows)) is proposed
+
+
 def test_caps_that_a_solid_does_not_use_do_not_stop_the_search():
     """The surfaces of a rebuilt solid are those of the patches and of the caps in use only."""
     _, surfaces, patches = pocket()

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep.features import SPACING, WIDTHS, bad_edges, chamfer_of, placed, strip
 from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.shown import edge_rows
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Structure
 from brepgaussian.geometry.chains import resample
@@ -29,19 +30,30 @@ _PARALLEL = np.cos(np.radians(2.0))  # and between their directions
 _AS_FAR = 1 / (2 - np.sqrt(2))  # radius over a chamfer's leg where both take a square edge back by the same length
 _FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's end the faces are hardly off
 _RADIUS_DIGITS = 3  # of radii that are one
+_CONFIRMED_PX = 0.25  # median distance of an edge from what views show there: less than fillets of a few px scatter it
 _MOST_SETS = 2  # that are tried, those with most places first
 
 
-def fillets(structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], off: Array) -> list[Change]:
+def fillets(
+    structure: Structure,
+    surfaces: Sequence[Surface],
+    patches: Sequence[Patch],
+    off: Array,
+    edges: Sequence[Mapping[str, Any]] = (),
+) -> list[Change]:
     """One change for every radius and set of edges: fillets on edges beside places that lie elsewhere.
+
+    Not on convex edges that the images confirm: of a rounded one, views from other sides see other lines.
 
     Args:
         structure: of the solid that the images judged.
         surfaces: that it names; the first ones belong to `patches`.
         patches: that it was built from.
         off: (P, 4) places and by how many px the surface should lie deeper.
+        edges: the acceptance test's table of the solid's edges.
     """
-    near = _beside(structure, off)
+    sharp = _confirmed(structure, edges)
+    near = {k: distances for k, distances in _beside(structure, off).items() if k not in sharp}
     if not near:
         return []
     reach = float(np.quantile(np.concatenate(list(near.values())), _FAR))
@@ -132,6 +144,16 @@ def _rounded(
 
 def _between_planes(edge: Edge, surfaces: Sequence[Surface]) -> bool:
     return edge.kind == "line" and all(k >= 0 and surfaces[k].kind == "plane" for k in edge.surfaces)
+
+
+def _confirmed(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> set[int]:
+    """Convex edges that lie where views show a silhouette or a step."""
+    found = set()
+    for index, row in edge_rows(edges):
+        known = [px for px in (row["silhouette_px"], row["interior_px"]) if isinstance(px, float)]
+        if known and max(known) < _CONFIRMED_PX and structure.edges[index].convexity == CONVEX:
+            found.add(index)
+    return found
 
 
 def _beside(structure: Structure, off: Array) -> dict[int, Array]:

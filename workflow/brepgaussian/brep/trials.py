@@ -129,7 +129,9 @@ class Trials:
     def _rounded(self) -> None:
         """Try fillets where parallax places faces elsewhere beside edges that agree with the images."""
         if in_doubt(self.best.report, self.job.settings):
-            self._filleted(partial(fillets, off=self.best.off), calms)
+            known = self._judged()
+            edges = () if known is None else known[1]
+            self._filleted(partial(fillets, off=self.best.off, edges=edges), calms)
 
     def _completed(self) -> None:
         """Try all corners of a pocket rounded where some are: images hardly tell, so they only have to bear it."""
