@@ -64,6 +64,7 @@ def test_views_with_little_noise_stay_as_they_are(faces):
 def test_noise_goes_and_steps_stay(faces, noise, jpeg, rest):
     noisy = degrade_photos(faces, ViewsSettings(noise=noise, jpeg_quality=jpeg))
     smooth = denoised(noisy)
+    assert smooth.as_taken.rgb is noisy.rgb
     error = smooth.rgb[..., 0].astype(float) - faces.rgb[..., 0]
     flat = np.zeros((SIDE, SIDE), bool)
     flat[16:112, 16:56] = flat[16:112, 74:112] = True

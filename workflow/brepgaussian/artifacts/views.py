@@ -1,6 +1,6 @@
 """`views.h5`: calibrated images of one object in the unit frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +20,13 @@ class Views:
     Attributes:
         object_name: the object's name in `config/objects.tsv`.
         names: file names of the images, one a view.
-        rgb: (V, H, W, 3) uint8, straight (not premultiplied) colour; 0 where alpha is 0.
+        rgb: (V, H, W, 3) uint8, straight (not premultiplied) colour; 0 where alpha is 0. Noisy images are smoothed.
         alpha: (V, H, W) uint8, the silhouette with antialiased borders.
         cameras: intrinsics and `cam_from_unit` poses.
         world_from_unit: (4, 4) float64 similarity from the unit frame to the user's world frame.
         unit: the world's unit of length: `mm`, `m` or `arbitrary`.
         edge_maps: (V, H, W) uint8 edge maps that came with a dataset, or None.
+        taken: (V, H, W, 3) uint8 the images before they were smoothed, None if they were not.
     """
 
     object_name: str
@@ -36,6 +37,12 @@ class Views:
     world_from_unit: NDArray[np.float64]
     unit: str = "arbitrary"
     edge_maps: NDArray[np.uint8] | None = None
+    taken: NDArray[np.uint8] | None = None
+
+    @property
+    def as_taken(self) -> "Views":
+        """With the images before they were smoothed: means over many pixels are right there."""
+        return self if self.taken is None else replace(self, rgb=self.taken, taken=None)
 
     @property
     def luminance(self) -> NDArray[np.float32]:
@@ -60,6 +67,8 @@ class Views:
             put(file, "world_from_unit", self.world_from_unit, axes="4,4", unit=self.unit)
             if self.edge_maps is not None:
                 put(file, "edge_maps", self.edge_maps, axes="view,row,column", unit="0..255")
+            if self.taken is not None:
+                put(file, "rgb_as_taken", self.taken, axes="view,row,column,channel", unit="grey level 0..255")
 
 
 def read_views(path: str | Path) -> Views:
@@ -86,4 +95,5 @@ def read_views(path: str | Path) -> Views:
             world_from_unit=file["world_from_unit"][...],
             unit=str(file.attrs["length_unit"]),
             edge_maps=file["edge_maps"][...] if "edge_maps" in file else None,
+            taken=file["rgb_as_taken"][...] if "rgb_as_taken" in file else None,
         )

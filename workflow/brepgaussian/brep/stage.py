@@ -52,7 +52,7 @@ def build_brep(
     bind(threads)
     log, start = get_logger("brep"), time.monotonic()
     log.info("settings %s", settings)
-    views, primitives = read_views(views_path), read_primitives(primitives_path)
+    views, primitives = read_views(views_path).as_taken, read_primitives(primitives_path)
     points, *labellings = read_labellings(points_path)
     _check(points, points_path)
     with Worker() as worker:

@@ -34,6 +34,16 @@ def estimate_noise(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> floa
     return max(*_fine_and_coarse(grey, inside), _QUANTISATION)
 
 
+def coarse_noise(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> float:
+    """The part of `estimate_noise` that compression leaves, grey levels; 0 where there is none."""
+    return _fine_and_coarse(grey, inside)[1]
+
+
+def noise_of(views: Views) -> float:
+    """Median over the views of `estimate_noise`, grey levels."""
+    return float(np.median([estimate_noise(views.grey(k), a >= OPAQUE) for k, a in enumerate(views.alpha)]))
+
+
 def high_pass(grey: NDArray[np.float32], spacing: int = 1) -> NDArray[np.float32]:
     """Absolute response to a mask of unit norm that cancels planes of luminance and their products.
 
@@ -63,7 +73,7 @@ def fill_outside(image: NDArray, inside: NDArray[np.bool_]) -> NDArray:
 
 
 def denoised(views: Views, threads: int = 1) -> Views:
-    """The views without most of their noise; as they are, where there is little.
+    """The views without most of their noise, and as they were taken; themselves where there is little.
 
     Non-local means: the grey levels of machined faces vary slowly, so that every patch has many like it nearby. What
     follows compares places between views by grey level, which noise forbids and blur across steps misleads.
@@ -89,7 +99,7 @@ def denoised(views: Views, threads: int = 1) -> Views:
         inside = views.alpha[view][box] >= OPAQUE
         if inside.any():
             rgb[view][box][inside] = _smoothed(rgb[view][box], inside, float(strength))[inside]
-    return replace(views, rgb=rgb)
+    return replace(views, rgb=rgb, taken=views.rgb)
 
 
 def _smoothed(image: NDArray[np.uint8], inside: NDArray[np.bool_], strength: float) -> NDArray[np.uint8]:

@@ -10,6 +10,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.samples import Rays
 from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
 from brepgaussian.splatting.concave import Images as Shown
+from brepgaussian.views.noise import coarse_noise
 
 Array = NDArray[np.float64]
 
@@ -105,14 +106,15 @@ def _extent(present: NDArray[np.uint8]) -> slice:
 
 
 def _noise(luminance: NDArray[np.float32], opaque: NDArray[np.bool_]) -> float:
-    """Median absolute second difference along rows inside the object, as a standard deviation."""
+    """Median absolute second difference along rows inside the object, as a standard deviation; what JPEGs keep, too."""
+    coarse = float(np.median([coarse_noise(image, inside) for image, inside in zip(luminance, opaque, strict=True)]))
     found = []
     for view, inside in enumerate(opaque):
         triple = inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:]
         image = luminance[view]
         found.append(np.abs(image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:])[triple])
     values = np.concatenate(found)
-    return float(np.median(values)) / 0.6745 / np.sqrt(6.0) if len(values) else 0.0
+    return max(float(np.median(values)) / 0.6745 / np.sqrt(6.0), coarse) if len(values) else 0.0
 
 
 def measure(images: Images, seen: Seen, window: float, interior_window: float) -> Found:

@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
-from brepgaussian.splatting.concave.depth import measure
+from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, lattice_over, planar_regions
 from brepgaussian.splatting.concave.rays import gather
@@ -242,5 +242,5 @@ def _measured(
 
 def _left_by_one_floor(images: Images, stack: Stack, scene: Scene, outline: NDArray[np.bool_], closed: float) -> float:
     """Share of the disagreement on a lid that the best concavity with one floor leaves."""
-    prism = measure(stack, outline, images.views.cameras.centers, scene, images.tolerance)
+    prism = measured(images, scene, stack, outline)
     return 1.0 if prism is None else 1 - prism[1] / (closed * float(prism[0].outline.sum()))

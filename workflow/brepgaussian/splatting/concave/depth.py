@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered, to_best_dome
-from brepgaussian.splatting.concave.openings import Stack
+from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rays import Rays, crossings_below, gather
 from brepgaussian.splatting.concave.scene import Scene
@@ -44,6 +44,25 @@ _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its
 # or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
 _LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.15
 _MOST_PAST = 0.2  # of the rays that contradict a hole through the part; true ones have up to .14, skew false ones .22
+
+
+def measured(images: Images, scene: Scene, stack: Stack, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
+    """`measure` with the grey levels of the images as they were taken.
+
+    Args:
+        images: of all views.
+        scene: the hull.
+        stack, outline: as for `measure`.
+    """
+    stack = as_taken(images, scene, stack)
+    return measure(stack, outline, images.views.cameras.centers, scene, images.as_taken.tolerance)
+
+
+def as_taken(images: Images, scene: Scene, stack: Stack) -> Stack:
+    """What the views show on a lattice, with the grey levels of the images as they were taken."""
+    if images.as_taken is images:
+        return stack
+    return replace(stack, grey=rectify(images.as_taken, scene, stack.lattice, stack.relief).grey)
 
 
 def measure(

@@ -10,7 +10,7 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.curved import spot_around, spots
-from brepgaussian.splatting.concave.depth import measure
+from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.join import in_line, opposite
 from brepgaussian.splatting.concave.mouths import completed
 from brepgaussian.splatting.concave.openings import (
@@ -79,7 +79,7 @@ def find_prisms(
         found += _concavities(images, scene, rectify(images, scene, lattice_over(rim, mesh, footprint)), if_broken=True)
 
     def again(lattice: Lattice, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
-        return measure(rectify(images, scene, lattice), outline, images.views.cameras.centers, scene, images.tolerance)
+        return measured(images, scene, rectify(images, scene, lattice), outline)
 
     return [prism for prism, _ in completed(found, again)]
 
@@ -167,7 +167,7 @@ def _concavities(
     tried = [(stack, outline, 0.0) for outline in outlines] + [(stack, outline, top) for outline, top in hubs]
     for seen, outline, above in [*tried, *((whole, outline, 0.0) for outline in broken)]:
         if outline.any():
-            fit = measure(seen, outline, cameras.centers, scene, images.tolerance)
+            fit = measured(images, scene, seen, outline)
             # around a hub silhouettes would show what goes through
             if fit is not None and _believable(fit[0]) and not (above and fit[0].through):
                 fits.append((replace(fit[0], above=above), fit[1]))

@@ -12,6 +12,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.splatting.concave.contours import contour_rays
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.views.noise import noise_of
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,12 @@ class Images:
     def of(views: Views, noise: float = 0.0) -> "Images":
         """Of views whose noise has a standard deviation of `noise` grey levels."""
         return Images(views, views.luminance, max(_NOISE_FREE_TOLERANCE, _SIGMAS * noise))
+
+    @cached_property
+    def as_taken(self) -> "Images":
+        """Before they were smoothed: that flattens what floors show, and with it their depths."""
+        taken = self.views.as_taken
+        return self if taken is self.views else Images.of(taken, noise_of(taken))
 
     @cached_property
     def contour_rays(self) -> tuple[Array, Array]:

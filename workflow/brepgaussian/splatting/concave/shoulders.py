@@ -67,8 +67,9 @@ def _narrower(wide: Prism, prisms: Sequence[Prism], tolerance: float) -> list[in
 
 def _shoulder(images: Images, scene: Scene, wide: Prism, hollow: float) -> float | None:
     """Depth of the shoulder around a hole of some radius, None if the flat floor that was found is as good."""
-    stack, centers = rectify(images, scene, wide.lattice), images.views.cameras.centers
-    depth = shoulder(stack, wide.outline, centers, scene, images.tolerance, hollow / wide.lattice.pitch + 1)
+    taken, centers = images.as_taken, images.views.cameras.centers
+    stack = rectify(taken, scene, wide.lattice)
+    depth = shoulder(stack, wide.outline, centers, scene, taken.tolerance, hollow / wide.lattice.pitch + 1)
     found = depth if depth is not None and depth < _SHALLOWER * wide.depth else None
     logger.info(
         "opening of area %.4f over a hole of radius %.4f: shoulder %s deep, not %.4f%s",
