@@ -71,6 +71,7 @@ def test_a_hole_that_faces_a_counterbore_goes_up_to_its_shoulder(monkeypatch, to
     monkeypatch.setattr(shoulders, "rectify", lambda *_: None)
     monkeypatch.setattr(shoulders, "shoulder", lambda *_: told)
     images = SimpleNamespace(views=SimpleNamespace(cameras=SimpleNamespace(centers=None)), tolerance=1.5)
+    images.as_taken = images
     scene = block().scene()
     found = shoulders.with_shoulders(images, scene, [wide, narrow, beside], 2 * SPACING)
     assert found[0].depth == depth
@@ -99,6 +100,7 @@ def test_a_hole_that_reaches_up_to_a_shoulder_has_no_floor_any_more(monkeypatch)
     monkeypatch.setattr(shoulders, "rectify", lambda *_: None)
     monkeypatch.setattr(shoulders, "shoulder", lambda *_: 0.08)
     images = SimpleNamespace(views=SimpleNamespace(cameras=SimpleNamespace(centers=None)), tolerance=1.5)
+    images.as_taken = images
     monkeypatch.setattr(shoulders, "_pierced", lambda *_: 0.02)
     _, hole = shoulders.with_shoulders(images, None, [wide, narrow], 2 * SPACING)
     assert hole.through
