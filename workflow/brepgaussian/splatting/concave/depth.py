@@ -47,15 +47,21 @@ _MOST_PAST = 0.2  # of the rays that contradict a hole through the part; true on
 
 
 def measured(images: Images, scene: Scene, stack: Stack, outline: NDArray[np.bool_]) -> tuple[Prism, float] | None:
-    """`measure` with the grey levels of the images as they were taken.
+    """`measure`; of noisy images, smoothed ones tell best whether there is a concavity, and those as taken how deep.
 
     Args:
         images: of all views.
         scene: the hull.
         stack, outline: as for `measure`.
     """
-    stack = as_taken(images, scene, stack)
-    return measure(stack, outline, images.views.cameras.centers, scene, images.as_taken.tolerance)
+    centers, taken = images.views.cameras.centers, images.as_taken
+    found = measure(stack, outline, centers, scene, images.tolerance)
+    if taken is images:
+        return found
+    exact = measure(as_taken(images, scene, stack), outline, centers, scene, taken.tolerance)
+    if found is None or exact is None:
+        return exact or found
+    return exact[0], found[1]  # gains are in tolerances: of the same images, they are alike
 
 
 def as_taken(images: Images, scene: Scene, stack: Stack) -> Stack:
