@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine.agreement import disagreement
+from brepgaussian.brep.refine.agreement import disagreement, without_trend
 from brepgaussian.brep.refine.looks import largest_areas
 from brepgaussian.settings.brep import BrepSettings
 from build123d import Align, Box, Cylinder, Pos
@@ -45,6 +45,27 @@ def test_a_bore_that_ends_too_early_is_disputed_on_its_floor(tmp_path):
     part = block() - Cylinder(10, 100)
     found, _ = disputed(block() - Pos(0, 0, 14) * Cylinder(10, 6, align=LOW), views_of(part, tmp_path))
     assert found.area > LIMIT
+
+
+def test_the_foot_of_a_boss_is_not_disputed_for_the_light_that_the_plate_throws_on_it(tmp_path):
+    part = Box(60, 44, 8, align=LOW) + Pos(0, 0, 8) * Cylinder(11, 9, align=LOW)
+    found, _ = disputed(part, views_of(part, tmp_path, interreflection=0.95))
+    assert found.area <= LIMIT / 3
+
+
+def test_a_trend_goes_and_what_differs_between_views_stays():
+    rng = np.random.default_rng(4)
+    at = np.column_stack([rng.uniform(0, 6, (3000, 3)), np.zeros(3000)])
+    slope = np.array([20.0, -7.0, 3.0])
+    smooth = 90 + at[:, :3] @ slope
+    rest = without_trend(at, smooth, 1.5)
+    assert np.abs(rest).max() < 0.5
+    other = rng.random(3000) < 0.25  # another surface is seen by some
+    rest = without_trend(at, smooth + 12 * other, 1.5)
+    assert np.median(rest[other]) > 9
+    assert np.median(np.abs(rest[~other])) < 2
+    few = without_trend(at[:10], smooth[:10], 1.5)
+    np.testing.assert_array_equal(few, smooth[:10])
 
 
 def test_the_largest_area_is_that_of_one_face():

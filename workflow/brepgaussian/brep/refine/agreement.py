@@ -25,6 +25,10 @@ PLACE_AREA_PX2 = _PLACE_PX**2
 _LEAST_RAYS = 8  # that a place is seen by, before it says anything
 _CAP = 3.0  # tolerances; greater differences count no more
 _REFUTED = 1.0  # tolerances by which a place's rays differ on average
+_TREND_PLACES = 3.0  # side of what has one trend, in places
+_TREND_RAYS = 24  # that tell a trend
+_TREND_FITS = 3
+_TREND_RIDGE = 1e-3  # rays; keeps faces along an axis solvable
 _SCATTERED = 0.02  # of other faces' places refuted (JPEG rings beside edges, say) make areas twice as large by chance
 
 
@@ -57,7 +61,8 @@ def disagreement(scene: Scene, structure: Structure, shown: Shown, poses: Array)
     side = _PLACE_PX * shown.views.cameras.footprint()
     places = seen.places(side)
     local = seen.points / side - places[:, :3] - 0.5
-    cost, told = differences(places, local, seen.grey, shown.tolerance, _CAP)
+    rest = without_trend(np.column_stack([seen.points / side, seen.face]), seen.grey, shown.tolerance)
+    cost, told = differences(places, local, rest, shown.tolerance, _CAP)
     found, where, rays = distinct(places)
     asked = (np.bincount(where, told) == rays) & (rays >= _LEAST_RAYS)
     refuted = found[asked & (np.bincount(where, cost) > _REFUTED * rays)]
@@ -65,3 +70,30 @@ def disagreement(scene: Scene, structure: Structure, shown: Shown, poses: Array)
     elsewhere = (bad.sum() - bad) / np.maximum(all_asked.sum() - all_asked, 1)  # (F,) share on the other faces
     area = largest_areas(refuted, count) * PLACE_AREA_PX2 / (1 + elsewhere / _SCATTERED)
     return Disagreement(float(area.max(initial=0.0)), bad)
+
+
+def without_trend(at: Array, grey: Array, tolerance: float) -> Array:
+    """(N,) grey levels less a linear trend over some places, fitted robustly.
+
+    The few rays of one place do not tell the gradient, and where a face lights the one beside it, that is steep:
+    20 grey levels across a place at the foot of a boss.
+
+    Args:
+        at: (N, 4) points, in sides of a place, and the face of each.
+        grey: (N,) levels.
+        tolerance: grey levels; greater differences from the trend hardly count.
+    """
+    block = np.floor(np.column_stack([at[:, :3] / _TREND_PLACES, at[:, 3]])).astype(np.int64)
+    found, where, rays = distinct(block)
+    ones = np.column_stack([np.ones(len(at)), at[:, :3] / _TREND_PLACES - block[:, :3] - 0.5])  # (N, 4)
+    weight, trend = np.ones(len(at)), np.zeros(len(at))
+    for _ in range(_TREND_FITS):
+        matrix, right = np.empty((len(found), 4, 4)), np.empty((len(found), 4))
+        for i in range(4):
+            right[:, i] = np.bincount(where, weight * ones[:, i] * grey)
+            for j in range(4):
+                matrix[:, i, j] = np.bincount(where, weight * ones[:, i] * ones[:, j])
+        matrix += _TREND_RIDGE * np.eye(4)
+        trend = np.einsum("ni,ni->n", ones, np.linalg.solve(matrix, right[..., None])[where, :, 0])
+        weight = 1 / (1 + ((grey - trend) / tolerance) ** 2)
+    return np.asarray(np.where(rays[where] >= _TREND_RAYS, grey - trend, grey))
