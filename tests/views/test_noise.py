@@ -6,7 +6,7 @@ import pytest
 from brepgaussian.artifacts.views import Views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.views.degrade import degrade_photos
-from brepgaussian.views.noise import denoised, estimate_noise
+from brepgaussian.views.noise import denoised, estimate_noise, for_steps
 from brepgaussian.views.rig import rig
 
 SIDE = 128
@@ -92,3 +92,11 @@ def test_an_empty_view_does_no_harm(faces):
     alpha[3] = 0
     empty = Views("faces", noisy.names, noisy.rgb, alpha, noisy.cameras, noisy.world_from_unit)
     assert (denoised(empty).rgb[3] == noisy.rgb[3]).all()
+
+
+def test_steps_are_looked_for_in_the_images_as_taken_unless_they_were_compressed(faces):
+    assert for_steps(faces) is faces
+    white = denoised(degrade_photos(faces, ViewsSettings(noise=2.0)))
+    np.testing.assert_array_equal(for_steps(white).rgb, white.taken)
+    compressed = denoised(degrade_photos(faces, ViewsSettings(noise=2.0, jpeg_quality=85)))
+    assert for_steps(compressed) is compressed

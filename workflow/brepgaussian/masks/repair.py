@@ -21,6 +21,7 @@ from brepgaussian.errors import StageError
 from brepgaussian.masks.edges import classical_edges
 from brepgaussian.masks.keep import components, kept_regions
 from brepgaussian.masks.steps import Crop, crop, step_strength, without_shading
+from brepgaussian.views.noise import for_steps
 
 _SMOOTHING = 8  # neighbours that a normal is averaged with
 _SAME_SIDE = 0.7  # cosine: neighbours on the other wall of a thin plate point elsewhere
@@ -89,6 +90,7 @@ def repair(
     if not (np.asarray(label) >= 0).any():
         raise StageError("no surface sample has a label", fix="check the points stage's result for this object")
     samples = prepare(np.asarray(xyz, np.float64), np.asarray(normals, np.float64), np.asarray(label, np.int64))
+    views = for_steps(views)
     cv2.setNumThreads(threads)
     patches = np.zeros(views.alpha.shape, np.int16)
     first = following = int(samples.label.max()) + 2

@@ -16,6 +16,7 @@ from brepgaussian.masks.detectors import EDGES, PATCHES
 from brepgaussian.masks.steps import crop as crop_view
 from brepgaussian.settings.base import digest
 from brepgaussian.settings.masks import MasksSettings
+from brepgaussian.views.noise import for_steps
 
 
 def make_masks(
@@ -53,6 +54,7 @@ def detect(views: Views, settings: MasksSettings, threads: int = 1, truth: Truth
             "masks.edges: regions needs patches, and masks.patches: sam needs edges",
             fix="choose masks.edges: classical with sam",
         )
+    views = for_steps(views)
     patch_detector = PATCHES[settings.patches](views, settings, truth)
     edge_detector = EDGES[settings.edges](views, settings)
     cv2.setNumThreads(threads)

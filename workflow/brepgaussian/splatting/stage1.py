@@ -26,6 +26,7 @@ from brepgaussian.splatting.parameters import Parameters, quaternions_of, turned
 from brepgaussian.splatting.recipes import effective, random_start, towards_cameras
 from brepgaussian.splatting.settle import settle
 from brepgaussian.splatting.targets import Target, is_grey, make_targets, training_scale
+from brepgaussian.views.noise import noise_of
 
 START_OPACITY = 0.9
 RESET_OPACITY = 0.01  # 3DGS
@@ -79,7 +80,7 @@ def train_stage1(
         features=trained.features,
     )
     if settings.edge_cloud:
-        evidence = add_edges(evidence, surfels, views, float(np.median(masks.noise)), trained.hull, settings)
+        evidence = add_edges(evidence, surfels, views, noise_of(views), trained.hull, settings)
     surfels.write(out_ply)
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
 
@@ -127,7 +128,7 @@ class Trained:
 
 def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> Trained:
     """Hull, start, training."""
-    noise = float(np.median(masks.noise))
+    noise = noise_of(views)
     regions = masks.patches if settings.flat_faces else None
     resolution, relief = settings.hull_resolution, settings.relief
     hull, faces = carve(views, resolution, threads, settings.concavities, noise, regions, relief)

@@ -72,6 +72,15 @@ def fill_outside(image: NDArray, inside: NDArray[np.bool_]) -> NDArray:
     return np.where(outside, nearest[labels], image)
 
 
+def for_steps(views: Views) -> Views:
+    """The images in which steps of luminance are looked for.
+
+    As taken where noise is white, for means over half-disks tell steps best; smoothed where compression made patterns
+    of it, that look like steps themselves.
+    """
+    return views if views.taken is None or _is_compressed(*_noises(views.as_taken)) else views.as_taken
+
+
 def denoised(views: Views, threads: int = 1) -> Views:
     """The views without most of their noise, and as they were taken; themselves where there is little.
 
@@ -82,24 +91,31 @@ def denoised(views: Views, threads: int = 1) -> Views:
         views: of one camera, whose noise is alike in all of them.
         threads: CPU threads; the result does not depend on it.
     """
-    boxes = [_box(alpha >= OPAQUE) for alpha in views.alpha]
-    known = [
-        _fine_and_coarse(fill_outside(views.grey(view)[box], inside), inside)
-        for view, box in enumerate(boxes)
-        if (inside := views.alpha[view][box] >= OPAQUE).any()
-    ]
-    fine, coarse = np.median(known, axis=0) if known else (0.0, 0.0)
+    fine, coarse = _noises(views)
     if max(fine, coarse) < _LEAST_NOISE:
         return views
-    strength = _STRENGTH_COMPRESSED * coarse if coarse > _COMPRESSED * fine else _STRENGTH * fine
+    strength = _STRENGTH_COMPRESSED * coarse if _is_compressed(fine, coarse) else _STRENGTH * fine
     LOG.info("noise %.2f grey levels, %.2f in coarse patterns: smoothed by non-local means", fine, coarse)
     cv2.setNumThreads(threads)
     rgb = views.rgb.copy()
-    for view, box in enumerate(boxes):
-        inside = views.alpha[view][box] >= OPAQUE
+    for view, alpha in enumerate(views.alpha):
+        box = _box(alpha >= OPAQUE)
+        inside = alpha[box] >= OPAQUE
         if inside.any():
-            rgb[view][box][inside] = _smoothed(rgb[view][box], inside, float(strength))[inside]
+            rgb[view][box][inside] = _smoothed(rgb[view][box], inside, strength)[inside]
     return replace(views, rgb=rgb, taken=views.rgb)
+
+
+def _noises(views: Views) -> tuple[float, float]:
+    """Medians over the views of the noise between neighbours, and between pixels further apart."""
+    inside = [alpha >= OPAQUE for alpha in views.alpha]
+    known = [_fine_and_coarse(views.grey(k), covered) for k, covered in enumerate(inside) if covered.any()]
+    fine, coarse = np.median(known, axis=0) if known else (0.0, 0.0)
+    return float(fine), float(coarse)
+
+
+def _is_compressed(fine: float, coarse: float) -> bool:
+    return coarse > _COMPRESSED * fine
 
 
 def _smoothed(image: NDArray[np.uint8], inside: NDArray[np.bool_], strength: float) -> NDArray[np.uint8]:
