@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from brepgaussian.brep.facets import facets_as_fillets
+from brepgaussian.brep.facets import facets_as_fillets, lone_facets
 from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
 from brepgaussian.geometry.surfaces import cone, cylinder, plane
@@ -83,3 +83,33 @@ def test_a_chamfer_of_two_planes_is_none():
         normals = np.tile(p.surface.axis, (len(flat), 1))
         patches[k] = Patch(p.surface, p.primitive, flat, normals, p.reach, NOISE / 4)
     assert list(facets_as_fillets(patches, NOISE / 4, np.random.default_rng(0))) == []
+
+
+@pytest.mark.parametrize("radius", [0.03, RADIUS])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_strip_across_an_edge_is_a_fillet_that_touches_both_faces(radius, side):
+    """The strip's points lie on a plane, up to a quarter of the fillet's depth off it."""
+    rng, reach = np.random.default_rng(8), 0.5 * side
+    floor, wall = plane(np.zeros(3), EZ), plane(np.zeros(3), EX)
+    far, y = rng.uniform(min(reach, 0), max(reach, 0), 3000), rng.uniform(0, WIDE, 3000)
+    far = far[np.abs(far) > radius]
+    y = y[: len(far)]
+    round_ = rolling(floor, wall, -side * radius)
+    turn = np.radians(rng.uniform(0, 90, 800))
+    on = round_.project(side * radius * np.column_stack([1 - np.cos(turn), 0 * turn, 1 - np.sin(turn)]))
+    lean = plane(on.mean(axis=0), np.array([1, 0, 1]) / np.sqrt(2))
+    strip = 0.7 * on + 0.3 * lean.project(on)
+    strip[:, 1] = rng.uniform(0, WIDE, len(strip))
+    normals = np.tile(lean.axis, (len(strip), 1))
+    patches = [
+        patch(floor, np.column_stack([far, y, 0 * y]), 0, rng),
+        patch(wall, np.column_stack([0 * y, y, far]), 1, rng),
+        Patch(lean, 2, strip + rng.normal(0, NOISE, strip.shape), normals, 0.02, NOISE),
+    ]
+    (change,) = lone_facets(patches)
+    made = change.new[0].surface
+    assert change.gone == (2,)
+    assert made.kind == "cylinder"
+    assert made.flipped == (side > 0)  # concave where the faces look at each other
+    assert made.radius == pytest.approx(radius, rel=0.15)
+    assert lone_facets(patches[:2]) == []

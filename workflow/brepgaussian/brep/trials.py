@@ -10,7 +10,7 @@ import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
-from brepgaussian.brep.facets import facets_as_fillets
+from brepgaussian.brep.facets import facets_as_fillets, lone_facets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import Shape, against, as_good, bears, calms, in_doubt, mends, shape_of, short_of, size
@@ -161,9 +161,9 @@ class Trials:
         return self.best
 
     def _mends(self) -> list[Change]:
-        """Chamfers, straight faces of revolution, what symmetries carry, planes for curved walls."""
+        """Chamfers, fillets for facets, straight turned faces, what symmetries carry, planes for curved walls."""
         patches = self.job.patches
-        turned = [*straightened(patches), *grooved(patches)]
+        turned = [*lone_facets(patches), *straightened(patches), *grooved(patches)]
         return [*self._at_edges(chamfers), *turned, *carried(patches), *angular(patches, square=True)]
 
     def _at_edges(self, propose: Changes, table: Sequence[Mapping[str, Any]] | None = None) -> list[Change]:
