@@ -197,7 +197,7 @@ def unit_solid(part):
 
 
 def views_of(part, tmp_path, **settings):
-    """50 views of 500 px of a build123d part."""
+    """50 views of 500 px of a build123d part, as the stage `brep` has them: not smoothed."""
     from brepgaussian.artifacts.views import read_views
     from brepgaussian.settings.views import ViewsSettings
     from brepgaussian.views.stage import make_views
@@ -207,7 +207,7 @@ def views_of(part, tmp_path, **settings):
     files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
     options = ViewsSettings(**({"rendered_views": 50, "image_size": 500} | settings))
     make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=options, **files)
-    return read_views(files["out_views"])
+    return read_views(files["out_views"]).as_taken
 
 
 def asked_of(part, views):
