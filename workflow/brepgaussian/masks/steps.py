@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.views.checks import OPAQUE
-from brepgaussian.views.noise import estimate_noise, fill_outside, high_pass
+from brepgaussian.views.noise import estimate_noise, fill_outside, high_pass, silhouette_box
 
 DIRECTIONS = 8  # orientations of the line that divides the disk, over 180 degrees
-_MARGIN = 4  # px kept around the silhouette, so that its border has an outside
 _MIN_SHARE = 0.35  # a half-disk needs this share of its pixels on the object
 _QUARTILE, _QUARTILE_OF_NORMAL = 0.75, 1.1503  # of |x| for a standard normal x
 _RINGING_PX = (2.0, 8.0)  # depths inside the silhouette where JPEG's blocks of 8 x 8 ring
@@ -50,11 +49,7 @@ def crop(luminance: NDArray[np.float32], alpha: NDArray[np.uint8]) -> Crop | Non
     inside = alpha >= OPAQUE
     if not inside.any():
         return None
-    rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
-    box = (
-        slice(max(rows[0] - _MARGIN, 0), rows[-1] + 1 + _MARGIN),
-        slice(max(columns[0] - _MARGIN, 0), columns[-1] + 1 + _MARGIN),
-    )
+    box = silhouette_box(inside)
     inside = np.ascontiguousarray(inside[box])
     grey = fill_outside(np.ascontiguousarray(luminance[box], np.float32), inside)
     return Crop(box, grey, inside, estimate_noise(grey, inside))

@@ -80,7 +80,7 @@ def train_stage1(
         features=trained.features,
     )
     if settings.edge_cloud:
-        evidence = add_edges(evidence, surfels, views, noise_of(views), trained.hull, settings)
+        evidence = add_edges(evidence, surfels, views, trained.noise, trained.hull, settings)
     surfels.write(out_ply)
     evidence.write(out_h5, Provenance(views.object_name, digest(settings)))
 
@@ -117,13 +117,14 @@ def add_edges(
 
 @dataclass(frozen=True)
 class Trained:
-    """Stage 1 without its files; `features` (N, D) is empty unless they were trained along."""
+    """Stage 1 without its files; `features` (N, D) is empty unless they were trained along; `noise` in grey levels."""
 
     parameters: Parameters
     hull: Hull
     faces: list[Face]
     losses: list[float]
     features: Floats
+    noise: float
 
 
 def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> Trained:
@@ -143,7 +144,7 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> T
         options = RenderOptions(low_pass_px=settings.low_pass_px, cull=False, threads=threads)
         parameters.replace("quaternions", towards_cameras(parameters, targets, options))
     features = normalised(joint.features)[0] if joint else np.zeros((0, 0), np.float32)
-    return Trained(parameters, hull, faces, losses, features)
+    return Trained(parameters, hull, faces, losses, features, noise)
 
 
 def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:

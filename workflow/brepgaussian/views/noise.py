@@ -19,7 +19,7 @@ _STRENGTH = 1.5  # of non-local means, standard deviations of the noise: more bl
 _STRENGTH_COMPRESSED = 2.0  # neighbours alike by compression look like a pattern to keep
 _COMPRESSED = 1.5  # noise between pixels further apart is so many times that between neighbours
 _PATCH_PX, _WINDOW_PX = 5, 21  # of non-local means; patches of 7 px lose more of the steps
-_MARGIN = 4  # px kept around the silhouette
+_MARGIN = 4  # px kept around the silhouette, so that its border has an outside
 
 LOG = get_logger("views")
 
@@ -36,12 +36,16 @@ def estimate_noise(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> floa
 
 def coarse_noise(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> float:
     """The part of `estimate_noise` that compression leaves, grey levels; 0 where there is none."""
-    return _fine_and_coarse(grey, inside)[1]
+    return max(_typical_response(grey, inside, _COARSE_PX) ** 2 - _SHADING_AT_COARSE**2, 0.0) ** 0.5
 
 
 def noise_of(views: Views) -> float:
     """Median over the views of `estimate_noise`, grey levels."""
-    return float(np.median([estimate_noise(views.grey(k), a >= OPAQUE) for k, a in enumerate(views.alpha)]))
+    found = []
+    for view, alpha in enumerate(views.alpha):
+        box = silhouette_box(alpha >= OPAQUE)
+        found.append(estimate_noise(views.grey(view)[box], alpha[box] >= OPAQUE))
+    return float(np.median(found))
 
 
 def high_pass(grey: NDArray[np.float32], spacing: int = 1) -> NDArray[np.float32]:
@@ -99,7 +103,7 @@ def denoised(views: Views, threads: int = 1) -> Views:
     cv2.setNumThreads(threads)
     rgb = views.rgb.copy()
     for view, alpha in enumerate(views.alpha):
-        box = _box(alpha >= OPAQUE)
+        box = silhouette_box(alpha >= OPAQUE)
         inside = alpha[box] >= OPAQUE
         if inside.any():
             rgb[view][box][inside] = _smoothed(rgb[view][box], inside, strength)[inside]
@@ -108,8 +112,12 @@ def denoised(views: Views, threads: int = 1) -> Views:
 
 def _noises(views: Views) -> tuple[float, float]:
     """Medians over the views of the noise between neighbours, and between pixels further apart."""
-    inside = [alpha >= OPAQUE for alpha in views.alpha]
-    known = [_fine_and_coarse(views.grey(k), covered) for k, covered in enumerate(inside) if covered.any()]
+    boxes = [silhouette_box(alpha >= OPAQUE) for alpha in views.alpha]
+    known = [
+        _fine_and_coarse(views.grey(view)[box], inside)
+        for view, box in enumerate(boxes)
+        if (inside := views.alpha[view][box] >= OPAQUE).any()
+    ]
     fine, coarse = np.median(known, axis=0) if known else (0.0, 0.0)
     return float(fine), float(coarse)
 
@@ -127,7 +135,7 @@ def _smoothed(image: NDArray[np.uint8], inside: NDArray[np.bool_], strength: flo
     return np.broadcast_to(result[:, :, None], image.shape) if grey else np.asarray(result, np.uint8)
 
 
-def _box(inside: NDArray[np.bool_]) -> tuple[slice, slice]:
+def silhouette_box(inside: NDArray[np.bool_]) -> tuple[slice, slice]:
     """Rows and columns of a silhouette, with a margin; empty where it is."""
     rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
     if not len(rows):
@@ -140,12 +148,13 @@ def _box(inside: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def _fine_and_coarse(grey: NDArray[np.float32], inside: NDArray[np.bool_]) -> tuple[float, float]:
     """Noise between neighbours, and between pixels further apart without what shading makes there; grey levels."""
-    fine, coarse = (_typical_response(grey, inside, spacing) for spacing in (1, _COARSE_PX))
-    return fine, max(coarse**2 - _SHADING_AT_COARSE**2, 0.0) ** 0.5
+    return _typical_response(grey, inside, 1), coarse_noise(grey, inside)
 
 
 def _typical_response(grey: NDArray[np.float32], inside: NDArray[np.bool_], spacing: int) -> float:
     """Standard deviation of white noise that would answer the mask of such a spacing so; 0 where it fits nowhere."""
+    if not inside.any():
+        return 0.0
     window = np.ones((2 * spacing + 1, 2 * spacing + 1), np.uint8)
     core = cv2.erode(inside.astype(np.uint8), window, borderValue=0) > 0
     return _MAD_TO_SIGMA * float(np.median(high_pass(grey, spacing)[core])) if core.any() else 0.0
