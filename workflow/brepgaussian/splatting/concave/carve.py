@@ -24,6 +24,8 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
+_MOST_MET = 0.16  # of the rays contradict a blind opening with nothing in it: true ones have up to .14, more where
+# bosses stand in them; a strip that lay below its fillet had .18
 _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
 
 logger = log.get_logger("stage1")
@@ -73,14 +75,19 @@ def open_concavities(
         ends = {k for k, end in zip(fresh, straight, strict=True) if end is not known[k]}
         for k, prism in zip(fresh, straight, strict=True):
             known[k] = prism
+        wrong: set[int] = set()
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             if k not in ends:
                 known[k] = shortened(images, hull, known[k], margins[k])
                 known[k] = with_islands(images, hull, known[k], margins[k])
-            hull = hull.without(known[k], margins[k])
+            if k < len(before) or not _contradicted(known[k]):
+                hull = hull.without(known[k], margins[k])
+            else:
+                wrong.add(k)
         for bend in found_bends:
             hull = cut(hull, bend)
         bends += found_bends
+        fresh = [k for k in fresh if k not in wrong]
         scene = hull.scene()
         longer = {k: lengthened(images, scene, known[k]) for k in fresh}  # with the pockets of this level cut
         longer = {k: prism for k, prism in longer.items() if prism is not known[k]}
@@ -88,6 +95,7 @@ def open_concavities(
             known[k], hull = prism, hull.without(prism, margins[k])
         scene = hull.scene() if longer else scene
         floors = [known[k] for k in fresh if not known[k].ring]
+        known = [prism for k, prism in enumerate(known) if k not in wrong]
         if not floors:
             break
     for found_prism in find_curved(images, scene, hull.spacing, known):
@@ -98,6 +106,14 @@ def open_concavities(
             hull, scene = opened, after
             known.append(prism)
     return hull, known, bends
+
+
+def _contradicted(prism: Prism) -> bool:
+    """Whether too many rays contradict a blind opening for there to be one."""
+    wrong = not (prism.through or prism.islands) and prism.error > _MOST_MET
+    if wrong:
+        logger.info("opening of area %.4f: %.0f %% of rays contradict it, not believed", prism.area, 100 * prism.error)
+    return wrong
 
 
 def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:

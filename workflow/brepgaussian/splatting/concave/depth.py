@@ -40,7 +40,6 @@ _SHALLOW_GAIN = 0.4  # for what is shallow: a lid that is badly placed looks lik
 _CORE_CELLS = 2  # from an opening's border, clear of its blur
 _REFUTED = 0.5  # share of the views that see a cell there
 _MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
-_MOST_MET = 0.16  # of the rays, of a blind one: true ones have up to .14, a strip that lay below its fillet had .18
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
 # or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
 _LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.15
@@ -102,7 +101,7 @@ def measure(
     sure = best.through or _refuted(stack, outline)
     deep = 1.0 if sure else float(np.clip((best.depth - opening.face) / _DEEP - 1, 0, 1))
     most = _SHALLOW_GAIN + deep * ((_LITTLE_GAIN if error < _FEW_AGAINST else _GAIN) - _SHALLOW_GAIN)
-    passes = error <= (_MOST_PAST if best.through else _MOST_MET)
+    passes = not best.through or error <= _MOST_PAST
     if not passes or disagreeing > most * closed or (not deep and best.depth < opening.shallowest + 1):
         return None
     endless = False
