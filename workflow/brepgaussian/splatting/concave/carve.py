@@ -24,8 +24,9 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
-_MOST_MET = 0.16  # of the rays contradict a blind opening with nothing in it: true ones have up to .14, more where
-# bosses stand in them; a strip that lay below its fillet had .18
+_MOST_MET = 0.16  # of the rays contradict a deep blind opening with nothing in it: true ones have up to .07, more
+# where bosses stand in them; a strip that lay below its fillet had .18
+_DEEP_CELLS = 14  # of shallower ones, rays that hit the blur of a rim count for more: up to .17
 _MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
 
 logger = log.get_logger("stage1")
@@ -110,7 +111,8 @@ def open_concavities(
 
 def _contradicted(prism: Prism) -> bool:
     """Whether too many rays contradict a blind opening for there to be one."""
-    wrong = not (prism.through or prism.islands) and prism.error > _MOST_MET
+    deep = prism.depth > _DEEP_CELLS * prism.lattice.pitch
+    wrong = deep and not (prism.through or prism.islands) and prism.error > _MOST_MET
     if wrong:
         logger.info("opening of area %.4f: %.0f %% of rays contradict it, not believed", prism.area, 100 * prism.error)
     return wrong

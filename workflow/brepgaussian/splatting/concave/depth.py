@@ -43,6 +43,7 @@ _MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to 
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
 # or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
 _LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.15
+_THROUGH_GAIN = 0.65  # the same for a hole through the part: true ones leave .11-.49, a dent in a curved wall left .80
 _MOST_PAST = 0.2  # of the rays that contradict a hole through the part; true ones have up to .14, skew false ones .22
 
 
@@ -100,7 +101,8 @@ def measure(
     closed = opening.closed()
     sure = best.through or _refuted(stack, outline)
     deep = 1.0 if sure else float(np.clip((best.depth - opening.face) / _DEEP - 1, 0, 1))
-    most = _SHALLOW_GAIN + deep * ((_LITTLE_GAIN if error < _FEW_AGAINST else _GAIN) - _SHALLOW_GAIN)
+    little = _THROUGH_GAIN if best.through else _LITTLE_GAIN if error < _FEW_AGAINST else _GAIN
+    most = _SHALLOW_GAIN + deep * (little - _SHALLOW_GAIN)
     passes = not best.through or error <= _MOST_PAST
     if not passes or disagreeing > most * closed or (not deep and best.depth < opening.shallowest + 1):
         return None
