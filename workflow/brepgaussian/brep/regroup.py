@@ -26,7 +26,7 @@ _SIMPLE = ("plane", "cylinder")  # kinds of the face
 _FAR = 0.5  # share of a label's points, farthest from the fillet, that start the face
 _ROUNDS = 4  # of giving the points to the nearer surface and fitting again
 _LEAST = 0.15  # of both patches' points that either keeps
-_WORSE = 1.3  # times the present residual of both together that they may have
+_WORSE = 1.5  # times the present residual of both together that they may have
 _NEARLY = np.cos(np.radians(8.0))  # between a plane's normal as fitted and as a fillet needs it
 _LARGEST = 1.5  # radius, longest sides of the object
 

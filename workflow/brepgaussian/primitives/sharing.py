@@ -25,7 +25,7 @@ ALIGNED = np.radians(8.0)  # and their normals: a fillet leaves the face that it
 SAMPLES = 40  # of RANSAC
 LEAST_SHARE, LEAST = 0.2, 40  # of a label's points that start a simpler surface, and points that any part keeps
 ROUNDS = 4  # of giving the points to the nearest surface and fitting again
-WORTH = 2.0  # parameters by which the description must get shorter
+WORTH = 1.0  # parameters by which the description must get shorter
 
 
 def share_out(patches: list[Patch], cloud: Cloud, noise: Noise, settings: PrimitivesSettings) -> list[Patch]:
