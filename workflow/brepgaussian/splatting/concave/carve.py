@@ -59,11 +59,14 @@ def open_concavities(
     known: list[Prism] = []
     bends: list[Bend] = []
     floors: list[Prism] = []  # those that were not looked at yet
+    below: list[Prism] = []  # what goes on below shoulders
     scene = hull.scene()
-    for _ in range(_LEVELS):
-        found = told_once(find_prisms(images, scene, hull.spacing, floors, planes), known, 2 * hull.spacing)
+    for level in range(_LEVELS):
+        sought = find_prisms(images, scene, hull.spacing, floors, planes) if floors or not level else []
+        found = [*below, *told_once(sought, [*known, *below], 2 * hull.spacing)]
         if not found:
             break
+        found, below = _shouldered(found)
         found = with_shoulders(images, scene, square_ends(found, 2 * hull.spacing), 2 * hull.spacing)
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
@@ -97,7 +100,7 @@ def open_concavities(
         scene = hull.scene() if longer else scene
         floors = [known[k] for k in fresh if not known[k].ring]
         known = [prism for k, prism in enumerate(known) if k not in wrong]
-        if not floors:
+        if not (floors or below):
             break
     for found_prism in find_curved(images, scene, hull.spacing, known):
         prism = drawn(images, scene, hull, found_prism, _MARGIN_CELLS * hull.spacing)
@@ -107,6 +110,12 @@ def open_concavities(
             hull, scene = opened, after
             known.append(prism)
     return hull, known, bends
+
+
+def _shouldered(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:
+    """Concavities down to their shoulders, and what goes on below these."""
+    parts = [prism.parted() if prism.step else (prism,) for prism in found]
+    return [part[0] for part in parts], [part[1] for part in parts if len(part) > 1]
 
 
 def _contradicted(prism: Prism) -> bool:

@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.splatting.concave.leaning import countersunk, domed, has_throat, oblique, tapered, to_best_dome
+from brepgaussian.splatting.concave.leaning import (
+    countersunk,
+    domed,
+    has_throat,
+    oblique,
+    stepped,
+    tapered,
+    to_best_dome,
+)
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rays import Rays, crossings_below, gather
@@ -125,6 +133,7 @@ def measure(
         best.sink * pitch,
         endless,
         best.domed,
+        step=best.step * pitch,
     )
     return prism, gain
 
@@ -199,7 +208,17 @@ def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape
         most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]
         if sure and opening.score(shape)[0] < most and (not sunk or has_throat(opening.outline, shape)):
             best = shape
-    return best
+    return _shouldered(opening, few, best)
+
+
+def _shouldered(opening: Opening, few: Opening, best: Shape) -> Shape:
+    """A countersunk blind shape with a shoulder instead, if that surely explains the rays better."""
+    if best.through or best.domed or not best.top:
+        return best
+    shape = stepped(opening, stepped(few, best))
+    sure = shape.step and opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
+    less = opening.score(shape)[0] < _CHAMFERED * opening.score(best)[0]
+    return shape if sure and less and has_throat(opening.outline, shape) else best
 
 
 def _ends(scene: Scene, stack: Stack, outline: NDArray[np.bool_]) -> tuple[Ends, bool]:

@@ -32,6 +32,7 @@ from brepgaussian.splatting.concave.planes import (
     region_on,
 )
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
+from brepgaussian.splatting.concave.rimmed import rimmed, settled
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.standing import around_hubs, standing_free
 
@@ -72,7 +73,10 @@ def find_prisms(
             continue
         lattice = lattice_over(region, mesh, footprint)
         if min(lattice.shape) >= _LEAST_WIDTH_PIXELS:
-            found += _concavities(images, scene, rectify(images, scene, lattice), floor=floor)
+            stack, thin = rectify(images, scene, lattice), False
+            if floor is None and not any(region.normal is plane.normal for plane in planes):
+                stack, thin = settled(images, scene, stack, planes, (_LEAST_WIDTH_PIXELS * footprint) ** 2)
+            found += _concavities(images, scene, stack, floor=floor, thin=thin)
     # of a lid that silhouettes have opened here and there, what is left leans
     rims = [] if floors else [plane for plane in planes if not any(plane.is_of(r, 2 * cell) for r in regions)]
     for rim in filter(None, (region_on(plane, *mesh, 2 * cell) for plane in rims)):
@@ -138,11 +142,12 @@ def _concavities(
     centered: bool = False,
     floor: Prism | None = None,
     if_broken: bool = False,
+    thin: bool = False,
 ) -> list[tuple[Prism, float]]:
     """What lies under the openings of one face (or under its middle), with what each explains.
 
     Best told first, none over another. The face may be the floor of a concavity that is known, or one of which only
-    the rim is left (`if_broken`): then nothing, if that tells no opening.
+    the rim is left (`if_broken`): then nothing, if that tells no opening. Of a `thin` rim no frame is asked.
     """
     cameras = images.views.cameras
     least = (_LEAST_WIDTH_PIXELS * cameras.footprint()) ** 2
@@ -156,7 +161,7 @@ def _concavities(
     if centered:
         middle = tuple(n // 2 for n in stack.lattice.shape)
         outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
-    outlines = [outline for outline in outlines if is_framed(stack, outline)]
+    outlines = [outline for outline in outlines if is_framed(stack, outline) or (thin and rimmed(outline, stack))]
     if floor is not None:
         below = carried(floor.lattice, floor.outline, stack.lattice)
         outlines += beside_islands(stack, below, regions)

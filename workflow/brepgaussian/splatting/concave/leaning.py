@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.prism import signed_outline
-from brepgaussian.splatting.concave.shapes import FINEST, Opening, Shape, best_depth
+from brepgaussian.splatting.concave.shapes import FINEST, SHALLOWEST, Opening, Shape, best_depth
 
 _THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
 _COUNTERSINK_RATIO = 1.2  # of the drafts tried first: 45 degrees, then 40 and 50
@@ -20,6 +20,8 @@ _LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _MOST_SINK = 0.6  # of the half width
 _ROUND = 0.9  # of a circle's radius by its area, that lies within an outline; of a square .886 does
 _DOME_DEPTHS = 16
+_LEAST_STEP = 1.5  # cells above a shoulder
+_STEPS, _WIDER = 12, (0.6, 0.8, 1.0, 1.3, 1.7)  # depths of it that are tried, and widths, of a countersink's
 _LEAST_THROAT = 3.0  # cells, half the width; through a narrower one no view tells anything
 
 
@@ -47,6 +49,31 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
         drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
         moves += [replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT]
         better = min(moves, key=opening.cost)
+        step = step / 2 if better == best else step
+        best = better
+    return best
+
+
+def stepped(opening: Opening, sunk: Shape) -> Shape:
+    """The best blind concavity with a shoulder around a narrower rest of it, from one whose rim is countersunk."""
+    width = float(-signed_outline(opening.outline).min())
+
+    def possible(shape: Shape) -> bool:
+        deep = _LEAST_STEP <= shape.step <= shape.depth - SHALLOWEST and shape.depth >= opening.shallowest
+        return deep and 0 < shape.sink < _MOST_SINK * width
+
+    plain = replace(sunk, draft=0.0)
+    tops = np.geomspace(_LEAST_STEP, max(sunk.depth, 2 * _LEAST_STEP), _STEPS)
+    shapes = (replace(plain, step=float(top), sink=sunk.sink * k) for top in tops for k in _WIDER)
+    best = min(filter(possible, shapes), key=opening.cost, default=plain)
+    step = 1.0
+    while step > FINEST:
+        moves = [
+            replace(best, grow=best.grow + g * step, sink=best.sink + k * step, step=best.step + t * step)
+            for g, k, t in ((1, 1, 0), (-1, -1, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+        ]
+        moves += [replace(best, depth=best.depth + d * step) for d in (1, -1)]
+        better = min((best, *filter(possible, moves)), key=opening.cost)
         step = step / 2 if better == best else step
         best = better
     return best

@@ -98,6 +98,7 @@ class Prism:
         above: how high the hull stands over the opening, where it fills the corner beside a hub.
         section: what the outline is a drawing of, if it is one of the usual ones; its walls are straight.
         islands: what stands on its floor and ends below its opening: straight, from a top (the lattice) down.
+        step: depth of a shoulder all around it, where it narrows by `sink` at once; `parted` makes two of it.
         ring: whether its floor is a shoulder around a hole that is known: nothing else is sought in it.
     """
 
@@ -115,6 +116,7 @@ class Prism:
     section: Section | None = None
     islands: tuple["Prism", ...] = ()
     ring: bool = False
+    step: float = 0.0
 
     @property
     def area(self) -> float:
@@ -168,6 +170,13 @@ class Prism:
     def lowered(self, depth: float) -> Lattice:
         """Its lattice, so much deeper in it."""
         return replace(self.lattice, origin=self.lattice.origin - depth * self.lattice.normal)
+
+    def parted(self) -> tuple["Prism", "Prism"]:
+        """What lies above its shoulder, and the narrower rest."""
+        plain = replace(self, sink=np.inf, step=0.0)
+        narrow = signed_outline(self.outline) < -self.sink / self.lattice.pitch
+        wide = replace(plain, depth=self.step, endless=False, ring=True)
+        return wide, replace(plain, lattice=self.lowered(self.step), outline=narrow, depth=self.depth - self.step)
 
     def _cap(self, cells: Array, height: Array) -> Array:
         """(N,) distance to the spherical floor, negative within the sphere and above its widest place in the walls."""

@@ -1,7 +1,7 @@
 """Rays through an opening: where they enter, how they walk sideways as they sink, where they meet a wall or leave."""
 
 from ctypes import c_double, c_int64
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,6 +166,20 @@ def exits(
         *map(c_double, (deepest, draft, sink, _SLOWEST, _REACHED)), _STEPS, pointer(depth),
     )  # fmt: skip
     return depth
+
+
+def exits_of_step(
+    rays: Rays, outline: NDArray[np.bool_], deepest: float, grow: float, sink: float, top: float
+) -> Array:
+    """(N,) depth at which each ray meets the walls of an opening, or the shoulder at a depth `top` between them.
+
+    Args:
+        rays, outline, deepest, grow: as for `exits`.
+        sink: how far the outline shrinks there, at once.
+    """
+    wide = exits(rays, outline, deepest, grow)
+    narrow = exits(replace(rays, entry=np.full(len(rays), top)), outline, deepest, grow - sink)
+    return np.where(wide < top, wide, np.where(narrow < 0, top, narrow))
 
 
 def exits_of_dome(rays: Rays, straight: Array, center: Array, top: float, radius: float, depth: float) -> Array:

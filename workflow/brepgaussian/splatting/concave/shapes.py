@@ -12,7 +12,7 @@ from scipy import ndimage
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
-from brepgaussian.splatting.concave.rays import Rays, exits, exits_of_dome
+from brepgaussian.splatting.concave.rays import Rays, exits, exits_of_dome, exits_of_step
 
 Array = NDArray[np.float64]
 Ends = tuple[float, ...]  # depths in cells at which a hole is through
@@ -41,12 +41,13 @@ class Shape:
     through: bool = False
     sink: float = np.inf
     domed: bool = False  # the floor is a spherical cap
+    step: float = 0.0  # depth of a shoulder all around, where it narrows by `sink` at once; 0 if there is none
     hollow: float = 0.0  # radius about the middle within which the floor is open: rays there tell nothing
 
     @property
     def walls(self) -> tuple[float, ...]:
         """All but how deep it is, if the floor is flat."""
-        return (self.grow, self.draft, self.sink, *self.tilt, self.depth if self.domed else -1.0)
+        return (self.grow, self.draft, self.sink, self.step, *self.tilt, self.depth if self.domed else -1.0)
 
     @property
     def top(self) -> float:
@@ -112,7 +113,11 @@ class Opening:
         """The rays in the frame of a shape's walls, and (N,) where they meet these."""
         if shape.walls not in self._exits:
             sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
-            found = exits(sheared, self.outline, self.deepest + 1, shape.grow, shape.draft, shape.sink)
+            deepest = self.deepest + 1
+            if shape.step:
+                found = exits_of_step(sheared, self.outline, deepest, shape.grow, shape.sink, shape.step)
+            else:
+                found = exits(sheared, self.outline, deepest, shape.grow, shape.draft, shape.sink)
             if shape.domed:
                 found = self._to_dome(sheared, found, shape)
             self._exits[shape.walls] = sheared, found
