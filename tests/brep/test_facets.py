@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.facets import facets_as_fillets, lone_facets
-from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
+from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import cone, cylinder, plane
 
 NOISE, WIDE, RADIUS = 0.001, 0.6, 0.06

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from brepgaussian.brep.fillets import rolling, rounded, touching
+from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.patches import Patch
+from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus
 
 AXIS, RADIUS, TUBE = np.array([0.0, 0.0, 1.0]), 0.2, 0.05

@@ -12,8 +12,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.brep.fillets import Builder, on_both_sides, rolling, touching
+from brepgaussian.brep.fillets import Builder, on_both_sides
 from brepgaussian.brep.patches import Patch, neighbours, next_number, supported
+from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import Surface, sphere
 
 Array = NDArray[np.float64]

@@ -10,9 +10,10 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from brepgaussian.brep.fillets import fillet_between, rolling
+from brepgaussian.brep.fillets import fillet_between
 from brepgaussian.brep.patches import Patch, neighbours, touch
 from brepgaussian.brep.simplify import Change, explains, fitted_to, joined
+from brepgaussian.geometry.rolling import rolling
 from brepgaussian.geometry.surfaces import Surface, unit
 
 _LEAST_TURN = np.cos(np.radians(20.0))  # between two facets of a fillet: those of less are merged as one surface

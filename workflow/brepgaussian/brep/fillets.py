@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from brepgaussian.brep.patches import Patch, neighbours
-from brepgaussian.geometry.surfaces import Surface, cylinder, plane, torus, unit
+from brepgaussian.geometry.rolling import rolling, touching
+from brepgaussian.geometry.surfaces import Surface, cylinder, plane, unit
 
 Array = NDArray[np.float64]
 Builder = Callable[[float], Surface]  # of a surface with one free parameter
@@ -137,30 +138,3 @@ def _closest(patch: Patch, build: Builder, limits: tuple[float, float]) -> Itera
     surface = build(float(best))
     if float(np.median(np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals))) > 0:
         yield surface
-
-
-def rolling(first: Surface, second: Surface, radius: float) -> Surface:
-    """The cylinder that touches two planes, along the line in which they meet.
-
-    Args:
-        first, second: planes that are not parallel.
-        radius: signed, positive on a convex edge: the axis lies in the material, `radius` below both faces.
-    """
-    along = np.cross(first.axis, second.axis)
-    heights = [float(p.origin @ p.axis) - radius for p in (first, second)]
-    start = np.linalg.solve(np.array([first.axis, second.axis, along]), [*heights, float(along @ first.origin)])
-    return cylinder(start, unit(along), abs(radius), radius < 0)
-
-
-def touching(wall: Surface, floor: Surface, minor: float) -> Surface:
-    """The torus about a cylinder's axis that touches the cylinder and a plane.
-
-    Args:
-        wall: the cylinder; floor: the plane across its axis.
-        minor: signed radius of the tube, positive on a convex edge: the tube's centre lies in the material, `minor`
-            below both faces.
-    """
-    height = float((floor.origin - wall.origin) @ floor.axis) - minor
-    ahead = float(wall.axis @ floor.axis)
-    centre = wall.origin + height / ahead * wall.axis
-    return torus(centre, wall.axis, max(wall.radius - minor * wall.sign, abs(minor) / 10), abs(minor), minor < 0)

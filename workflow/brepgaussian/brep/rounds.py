@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brepgaussian.brep.features import SPACING, WIDTHS, bad_edges, chamfer_of, placed, strip
-from brepgaussian.brep.fillets import rolling, touching
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.shown import edge_rows
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Structure
 from brepgaussian.geometry.chains import resample
+from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from brepgaussian.brep.features import bad_edges
-from brepgaussian.brep.fillets import on_both_sides, rolling
+from brepgaussian.brep.fillets import on_both_sides
 from brepgaussian.brep.patches import Patch, neighbours, supported
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.rolling import rolling
 from brepgaussian.geometry.surfaces import Surface, unit
 
 _BETWEEN = np.cos(np.radians(75.0))  # between the normal of a slant and those of the faces that it lies between

@@ -16,6 +16,7 @@ from brepgaussian.primitives.absorbing import absorb
 from brepgaussian.primitives.families import join_families
 from brepgaussian.primitives.fitting import fit_labels, measure_noise, support
 from brepgaussian.primitives.guided import guide, known
+from brepgaussian.primitives.halves import join_halves
 from brepgaussian.primitives.merging import merge_neighbours
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, make_cloud
 from brepgaussian.primitives.regularise import regularise, state_of
@@ -67,7 +68,7 @@ def primitives_of(points: Points, settings: PrimitivesSettings) -> Primitives:
     if settings.absorb:
         patches = absorb(patches, cloud, noise, settings)
     if settings.split:
-        patches = share_out(patches, cloud, noise, settings)
+        patches = join_halves(share_out(patches, cloud, noise, settings), cloud, noise, settings)
     if settings.guide:
         for _ in range(ROUNDS):
             before = len(patches)
