@@ -30,6 +30,7 @@ _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none,
 # unless that is high and stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
 _STANDING_SHARE = 0.08
 _TALL_CELLS = 10.0  # lower is a fillet (4 to 5 measured), or the plane cuts into the part (.5 measured)
+_HALFWAY = 0.5  # of a bulge's height are its samples: of a strip of a cylinder .17 are needed there, .04 at its top
 _STANDING_CELLS = 2  # around a sample that is needed
 _LEAST_BULGE_CELLS = 0.5  # lower ones need no test
 _ROUNDS = 2  # of looking again
@@ -204,7 +205,8 @@ def _allowed(views: Views, face: Face, vertices: Array, spacing: float, after: S
     """
     within, heights = over(face.lattice, face.outline, vertices)
     within &= (heights > _LEAST_BULGE_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
-    samples = vertices[within]
+    # halfway down: what lies on a contour is not surely object
+    samples = vertices[within] - _HALFWAY * heights[within, None] * face.lattice.normal
     needed = _needed(views, samples, after)
     if not len(samples) or needed.mean() <= _NEEDED_SHARE:
         return face
