@@ -9,6 +9,7 @@ from brepgaussian.splatting.concave.ends import lengthened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import with_islands
 from brepgaussian.splatting.concave.join import joined, square_ends, told_once
+from brepgaussian.splatting.concave.onward import onward
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
@@ -102,6 +103,11 @@ def open_concavities(
         known = [prism for k, prism in enumerate(known) if k not in wrong]
         if not (floors or below):
             break
+    for k, prism in enumerate(known):
+        further = onward(images, scene, 2 * hull.spacing, prism, known)
+        if further is not prism:
+            known[k], hull = further, hull.without(further, _MARGIN_CELLS * hull.spacing)
+            scene = hull.scene()
     for found_prism in find_curved(images, scene, hull.spacing, known):
         prism = drawn(images, scene, hull, found_prism, _MARGIN_CELLS * hull.spacing)
         opened = hull.without(prism, _MARGIN_CELLS * hull.spacing)

@@ -35,23 +35,46 @@ def lengthened(images: Images, scene: Scene, prism: Prism) -> Prism:
         scene: the hull with the hole cut as deep as it was found.
         prism: the hole.
     """
-    straight = prism.endless and not (prism.through or prism.tapered or any(prism.tilt))
-    core = ndimage.binary_erosion(prism.outline, iterations=_CORE_CELLS)
+    straight = prism.endless and not prism.through and is_straight(prism)
+    core = core_of(prism)
     if not straight or not core.any():
         return prism
-    near, wide = (ndimage.binary_dilation(prism.outline, iterations=n) for n in _RING_CELLS)
-    ring = wide & ~near
+    ring = ring_of(prism)
     far, pierced = _behind(scene, prism, core, ring)
     if far is None:
         return prism
-    mouth, around = (_refuted(images, scene, prism, cells, far) for cells in (core, ring))
-    open_there = pierced or (mouth >= _REFUTED and around <= _AROUND * mouth)
+    mouth, around, refuted = refuted_there(images, scene, prism, core, ring, far)
+    open_there = pierced or refuted
     logger.info(
         "hole of area %.4f without a floor: %.0f %% of the views refute the face %.4f behind it, %.0f %% beside it%s%s",
         prism.area, 100 * mouth, far, 100 * around, ", silhouettes have pierced it" if pierced else "",
         ": through" if open_there else "",
     )  # fmt: skip
     return replace(prism, depth=far, through=True, endless=False) if open_there else prism
+
+
+def is_straight(prism: Prism) -> bool:
+    """Whether a hole's walls go straight down, below a countersink."""
+    return not (prism.tapered or any(prism.tilt))
+
+
+def core_of(prism: Prism) -> NDArray[np.bool_]:
+    """(R, C) the cells of its opening, clear of the border's blur."""
+    return np.asarray(ndimage.binary_erosion(prism.outline, iterations=_CORE_CELLS))
+
+
+def ring_of(prism: Prism) -> NDArray[np.bool_]:
+    """(R, C) cells around its opening, where a face would be."""
+    near, wide = (ndimage.binary_dilation(prism.outline, iterations=n) for n in _RING_CELLS)
+    return np.asarray(wide & ~near)
+
+
+def refuted_there(
+    images: Images, scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_], depth: float
+) -> tuple[float, float, bool]:
+    """Share of the views that refute a face at a depth of a hole, and beside it; whether that tells a mouth there."""
+    mouth, around = (_refuted(images, scene, prism, cells, depth) for cells in (core, ring))
+    return mouth, around, mouth >= _REFUTED and around <= _AROUND * mouth
 
 
 def _behind(scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_]) -> tuple[float | None, bool]:
