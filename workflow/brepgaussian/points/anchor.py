@@ -21,12 +21,18 @@ _SHARP_PX = 0.3  # by which views differ about an edge that is where the curve i
 _CURVE_SHARE = 0.25  # of a curve's points that are independent
 _OUTLIER = 0.008  # unit frame; a curve point farther from the primitive hardly counts
 _ROUNDS = 3
-_MOST = 0.01  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve
+MOST, FEWER = 0.01, 0.005  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve; an outer
+# face by less, too: there surfels lie within .002, in narrow grooves off by .008
 _LEAST_CURVE = 6  # points
 
 
 def anchor_surfaces(
-    surfaces: list[Surface], xyz: Array, labels: Index, curves: list[Curve], told: NDArray[np.bool_] | None = None
+    surfaces: list[Surface],
+    xyz: Array,
+    labels: Index,
+    curves: list[Curve],
+    told: NDArray[np.bool_] | None = None,
+    most: float = MOST,
 ) -> list[Surface]:
     """Each primitive refitted to its nodes and, with much more weight, to the curves along its borders.
 
@@ -35,6 +41,7 @@ def anchor_surfaces(
         xyz: (N, 3) nodes; labels: (N,) their labels.
         curves: snapped to the images.
         told: (N,) nodes that lie on a wall whose rim the views have told; they lie better than others.
+        most: by which a primitive may leave its nodes (all but a tenth of them).
     """
     sigmas_of = np.where(told, _TOLD_SIGMA, _NODE_SIGMA) if told is not None else np.full(len(xyz), _NODE_SIGMA)
     result = []
@@ -59,7 +66,7 @@ def anchor_surfaces(
             found = refine(found, points, base / (1 + (distance / _OUTLIER) ** 2) ** 2)
         moved = np.abs(found.signed_distance(members) - surface.signed_distance(members))
         same_way = (found.normals(members) * surface.normals(members)).sum(1) > 0
-        result.append(found if np.quantile(moved, 0.9) < _MOST and same_way.mean() > 0.9 else surface)
+        result.append(found if np.quantile(moved, 0.9) < most and same_way.mean() > 0.9 else surface)
     return result
 
 
@@ -70,6 +77,6 @@ def follow(xyz: Array, labels: Index, before: list[Surface], after: list[Surface
         here = np.flatnonzero(labels == k)
         if old is new or not len(here):
             continue
-        rise = np.clip(old.signed_distance(xyz[here]) - new.signed_distance(xyz[here]), -_MOST, _MOST)
+        rise = np.clip(old.signed_distance(xyz[here]) - new.signed_distance(xyz[here]), -MOST, MOST)
         moved[here] += rise[:, None] * new.normals(xyz[here])
     return moved

@@ -14,7 +14,7 @@ from brepgaussian.artifacts.stage2 import read_stage2
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
-from brepgaussian.points.anchor import anchor_surfaces, follow
+from brepgaussian.points.anchor import FEWER, MOST, anchor_surfaces, follow
 from brepgaussian.points.assign import Gathered, Labelled, gather, label_samples, same_patches
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
@@ -67,6 +67,10 @@ def make_points(
     points = _bordered(gathered, first, views, edges, settings)
     quick = replace(settings, shared_models=False)  # others are not published, only tried
     others = [_bordered(gathered, other, views, edges, quick) for other in _others(gathered, first, settings)]
+    closer = _bordered(gathered, first, views, edges, settings, FEWER)
+    count = len(gathered.samples.xyz)
+    if np.abs(points.xyz[:count] - closer.xyz[:count]).max() > FEWER / 2:
+        others.insert(0, closer)  # a border that was none has drawn faces to it
     write_points(out_path, points, others)
     return points
 
@@ -82,9 +86,17 @@ def _others(gathered: Gathered, first: Labelled, settings: PointsSettings) -> li
 
 
 def _bordered(
-    gathered: Gathered, found: Labelled, views: Views, edges: NDArray[np.uint8] | None, settings: PointsSettings
+    gathered: Gathered,
+    found: Labelled,
+    views: Views,
+    edges: NDArray[np.uint8] | None,
+    settings: PointsSettings,
+    most: float = MOST,
 ) -> Points:
-    """Labelled samples with the curves between their patches, moved on to the edge maps (V, H, W) if there are any."""
+    """Labelled samples with the curves between their patches, moved on to the edge maps (V, H, W) if there are any.
+
+    Patches follow their curves, by `most` at most.
+    """
     samples, label, result, spacing = gathered.samples, found.label, found.nodes, gathered.spacing
     xyz, node_spacing = gathered.nodes.xyz, gathered.node_spacing
     surfaces = [
@@ -96,7 +108,7 @@ def _bordered(
     if curves and edges is not None:
         dense = samples.xyz
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
-        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves, gathered.told)
+        anchored = anchor_surfaces(surfaces, xyz, result.labels, curves, gathered.told, most)
         samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
         xyz = follow(xyz, result.labels, surfaces, anchored)
         surfaces = anchored
