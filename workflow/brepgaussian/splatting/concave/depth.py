@@ -19,6 +19,7 @@ from brepgaussian.splatting.concave.leaning import (
     stepped,
     tapered,
     to_best_dome,
+    to_best_taper,
 )
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
@@ -204,6 +205,8 @@ def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape
             shape = to_best_dome(opening, [shape])
         else:
             shape = _refine(rim, shape if shape.through or sunk else best_depth(opening, _DEPTHS, shape))
+            if shape.draft and not (sunk or shape.through):
+                shape = to_best_taper(opening, shape)
         sure = opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
         most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]
         if sure and opening.score(shape)[0] < most and (not sunk or has_throat(opening.outline, shape)):

@@ -16,6 +16,7 @@ _TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
 _DRAFTS = (0.25, 0.5, 1.0)
 _MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
+_LEAN_STEP = 0.04  # of draft, and relative of depth, at first
 _LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _MOST_SINK = 0.6  # of the half width
 _ROUND = 0.9  # of a circle's radius by its area, that lies within an outline; of a square .886 does
@@ -114,6 +115,20 @@ def to_best_dome(opening: Opening, shapes: Sequence[Shape]) -> Shape:
             ]
             moves += [replace(best, draft=best.draft * _COUNTERSINK_RATIO ** (k * step)) for k in (-1, 1)]
         better = min(filter(possible, moves), key=opening.cost, default=best)
+        step = step / 2 if better == best else step
+        best = better
+    return best
+
+
+def to_best_taper(opening: Opening, shape: Shape) -> Shape:
+    """The best tapered blind shape that small steps of draft, depth and outline reach from one."""
+    best, step = shape, _LEAN_STEP
+    while step > _FINEST_LEAN / 2:
+        moves = [replace(best, draft=best.draft + k * step) for k in (1, -1) if 0 < best.draft + k * step < _MOST_DRAFT]
+        moves += [replace(best, depth=best.depth * (1 + k * step)) for k in (1, -1)]
+        moves += [replace(best, grow=best.grow + k * step / _LEAN_STEP) for k in (1, -1)]
+        possible = [m for m in moves if opening.shallowest <= m.depth <= opening.deepest]
+        better = min((best, *possible), key=opening.cost)
         step = step / 2 if better == best else step
         best = better
     return best
