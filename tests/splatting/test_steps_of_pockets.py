@@ -40,7 +40,8 @@ def test_rays_meet_the_wide_walls_the_shoulder_or_the_narrow_walls(at, sideways)
 
 def test_a_pocket_with_a_shoulder_is_two_boxes():
     lattice = Lattice(np.array([0.2, 0.2, 0.5]), *np.eye(3), 0.01, (60, 60))
-    wide, narrow = Prism(lattice, square(), 0.3, False, 0.0, sink=0.05, step=0.08).parted()
+    pocket = Prism(lattice, square(), 0.3, False, 0.0, sink=0.05, step=0.08)
+    wide, narrow = pocket.parted()
     points = np.random.default_rng(3).uniform([0.2, 0.2, 0.15], [0.8, 0.8, 0.55], (4000, 3))
     found = np.minimum(wide.signed_distance(points, 0.0), narrow.signed_distance(points, 0.0)) < 0
     away, height = np.abs(points[:, :2] - 0.5).max(axis=1), points[:, 2]
@@ -48,6 +49,7 @@ def test_a_pocket_with_a_shoulder_is_two_boxes():
     edges = np.stack([away - 0.2, away - 0.15, height - 0.5, height - 0.42, height - 0.2], axis=1)
     clear = np.abs(edges).min(axis=1) > 0.015  # corners of outlines are round
     assert np.array_equal(found[clear], inside[clear])
+    assert np.array_equal(pocket.signed_distance(points, 0.0) < 0, found)
 
 
 def test_a_turned_lattice_keeps_its_middle():
@@ -59,7 +61,7 @@ def test_a_turned_lattice_keeps_its_middle():
     assert np.linalg.det(axes) > 0
 
 
-def missed(views, truth, tmp_path):
+def missed(views, truth):
     """Shares of the truth's volume by which the carved hull has too much, and too little, 1.5 cells off its faces."""
     hull, _ = carve(views, 128, concavities=True)
     solid = Scene(truth.mesh_vertices, truth.mesh_triangles)
@@ -79,7 +81,7 @@ def test_a_case_with_a_thin_rim_is_opened_down_to_its_floor(tmp_path, rim, lip, 
     case -= Pos(0, 0, 4) * Box(58 - inner, 40 - inner, 30, align=LOW)
     if lip:
         case -= Pos(0, 0, 22 - drop) * Box(58 - 2 * rim, 40 - 2 * rim, 30, align=LOW)
-    more, less = missed(*rendered(tmp_path, case, 40), tmp_path)
+    more, less = missed(*rendered(tmp_path, case, 40))
     assert more < 0.01
     assert less < 0.005
 

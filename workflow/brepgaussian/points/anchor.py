@@ -21,8 +21,9 @@ _SHARP_PX = 0.3  # by which views differ about an edge that is where the curve i
 _CURVE_SHARE = 0.25  # of a curve's points that are independent
 _OUTLIER = 0.008  # unit frame; a curve point farther from the primitive hardly counts
 _ROUNDS = 3
-MOST, FEWER = 0.01, 0.005  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve; an outer
-# face by less, too: there surfels lie within .002, in narrow grooves off by .008
+MOST = 0.01  # unit frame; a primitive that leaves its points by more was drawn to a wrong curve,
+FEWER = 0.005  # by so much perhaps: surfels of outer faces lie within .002, those of narrow grooves are off by .008
+_NEARLY_ALL = 0.9  # of a patch's nodes
 _LEAST_CURVE = 6  # points
 
 
@@ -64,10 +65,21 @@ def anchor_surfaces(
         for _ in range(_ROUNDS):
             distance = np.abs(found.signed_distance(points))
             found = refine(found, points, base / (1 + (distance / _OUTLIER) ** 2) ** 2)
-        moved = np.abs(found.signed_distance(members) - surface.signed_distance(members))
         same_way = (found.normals(members) * surface.normals(members)).sum(1) > 0
-        result.append(found if np.quantile(moved, 0.9) < most and same_way.mean() > 0.9 else surface)
+        result.append(found if _moved(surface, found, members) < most and same_way.mean() > _NEARLY_ALL else surface)
     return result
+
+
+def drawn_far(before: list[Surface], after: list[Surface], xyz: Array, labels: Index) -> bool:
+    """Whether `anchor_surfaces` would have left a primitive as it was, if it could move by `FEWER` at most."""
+    pairs = enumerate(zip(before, after, strict=True))
+    return any(old is not new and _moved(old, new, xyz[labels == k]) >= FEWER for k, (old, new) in pairs)
+
+
+def _moved(before: Surface, after: Surface, members: Array) -> float:
+    """By how much a primitive moved under nearly all of its nodes (M, 3)."""
+    moved = np.abs(after.signed_distance(members) - before.signed_distance(members))
+    return float(np.quantile(moved, _NEARLY_ALL))
 
 
 def follow(xyz: Array, labels: Index, before: list[Surface], after: list[Surface]) -> Array:

@@ -14,7 +14,7 @@ from brepgaussian.artifacts.stage2 import read_stage2
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.errors import ArtifactError
 from brepgaussian.geometry.surfaces import Surface, surface_from_row
-from brepgaussian.points.anchor import FEWER, MOST, anchor_surfaces, follow
+from brepgaussian.points.anchor import FEWER, MOST, anchor_surfaces, drawn_far, follow
 from brepgaussian.points.assign import Gathered, Labelled, gather, label_samples, same_patches
 from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.densify import Samples
@@ -64,13 +64,11 @@ def make_points(
     gathered = gather(views, patches, surfels, evidence, settings, stage2.features)
     edges = read_masks(masks_path).edges if settings.snap_curves else None
     first = label_samples(gathered, settings)
-    points = _bordered(gathered, first, views, edges, settings)
+    points, far = _bordered(gathered, first, views, edges, settings)
     quick = replace(settings, shared_models=False)  # others are not published, only tried
-    others = [_bordered(gathered, other, views, edges, quick) for other in _others(gathered, first, settings)]
-    closer = _bordered(gathered, first, views, edges, settings, FEWER)
-    count = len(gathered.samples.xyz)
-    if np.abs(points.xyz[:count] - closer.xyz[:count]).max() > FEWER / 2:
-        others.insert(0, closer)  # a border that was none has drawn faces to it
+    others = [_bordered(gathered, other, views, edges, quick)[0] for other in _others(gathered, first, settings)]
+    if far:  # a border that is none may have drawn faces to it
+        others.insert(0, _bordered(gathered, first, views, edges, settings, FEWER)[0])
     write_points(out_path, points, others)
     return points
 
@@ -92,10 +90,10 @@ def _bordered(
     edges: NDArray[np.uint8] | None,
     settings: PointsSettings,
     most: float = MOST,
-) -> Points:
+) -> tuple[Points, bool]:
     """Labelled samples with the curves between their patches, moved on to the edge maps (V, H, W) if there are any.
 
-    Patches follow their curves, by `most` at most.
+    Patches follow their curves, by `most` at most; with the samples comes whether one of them went far.
     """
     samples, label, result, spacing = gathered.samples, found.label, found.nodes, gathered.spacing
     xyz, node_spacing = gathered.nodes.xyz, gathered.node_spacing
@@ -103,6 +101,7 @@ def _bordered(
         surface_from_row(str(kind), row) for kind, row in zip(result.models.kinds, result.models.rows, strict=True)
     ]
     curves: list[Curve] = []
+    far = False
     if settings.curve_spacing > 0:
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
     if curves and edges is not None:
@@ -110,6 +109,7 @@ def _bordered(
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
         anchored = anchor_surfaces(surfaces, xyz, result.labels, curves, gathered.told, most)
         samples = replace(samples, xyz=follow(samples.xyz, label, surfaces, anchored))
+        far = drawn_far(surfaces, anchored, xyz, result.labels)
         xyz = follow(xyz, result.labels, surfaces, anchored)
         surfaces = anchored
         if settings.shared_models:
@@ -117,7 +117,7 @@ def _bordered(
         curves = find_curves(xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
         curves = without_tips(curves, xyz, result.labels, surfaces, node_spacing, settings.curve_spacing)
         curves = believed(snap(curves, surfaces, views.cameras, edges, dense, spacing), surfaces)
-    return assemble(samples, label, curves, surfaces)
+    return assemble(samples, label, curves, surfaces), far
 
 
 def assemble(samples: Samples, label: Index, curves: list[Curve], surfaces: list[Surface]) -> Points:

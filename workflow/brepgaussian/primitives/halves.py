@@ -5,7 +5,7 @@ parameter, its radius, and explains the points of both halves in fewer words.
 """
 
 from collections.abc import Iterator
-from itertools import combinations, permutations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +56,10 @@ def _fillets(
     for pair in combinations(range(len(patches)), 2):
         if not touch[pair] or any(patches[k].surface.kind not in _HALVES for k in pair):
             continue
-        for faces in permutations([k for k in planes if k not in pair], 2):
-            if not (touch[pair[0], faces[0]] and touch[pair[1], faces[1]]):
-                continue
-            if _in_order([patches[faces[0]].surface.axis, *middle[list(pair)], patches[faces[1]].surface.axis]):
+        beside = ([k for k in planes if touch[half, k] and k not in pair] for half in pair)
+        for faces in product(*beside):
+            first, second = (patches[k].surface.axis for k in faces)
+            if faces[0] != faces[1] and _in_order([first, *middle[list(pair)], second]):
                 found = _joined([patches[k] for k in (*faces, *pair)], cloud, noise, settings)
                 if found is not None:
                     yield found[0], pair, (faces[0], faces[1]), found[1]

@@ -67,7 +67,7 @@ def open_concavities(
         found = [*below, *told_once(sought, [*known, *below], 2 * hull.spacing)]
         if not found:
             break
-        found, below = _shouldered(found)
+        found, below = _parted(found) if level < _LEVELS - 1 else (found, [])  # the last ones stay whole
         found = with_shoulders(images, scene, square_ends(found, 2 * hull.spacing), 2 * hull.spacing)
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
@@ -118,7 +118,7 @@ def open_concavities(
     return hull, known, bends
 
 
-def _shouldered(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:
+def _parted(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:
     """Concavities down to their shoulders, and what goes on below these."""
     parts = [prism.parted() if prism.step else (prism,) for prism in found]
     return [part[0] for part in parts], [part[1] for part in parts if len(part) > 1]

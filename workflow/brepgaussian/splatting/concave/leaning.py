@@ -1,6 +1,6 @@
 """Concavities whose walls are not straight: countersunk, through at an angle, narrowing."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ _DRAFTS = (0.25, 0.5, 1.0)
 _MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
 _LEAN_STEP = 0.04  # of draft, and relative of depth, at first
+_RIM_MOVES = ((1, 1), (-1, -1), (0, 1), (0, -1))  # of outline and sink: the rim or the throat moves
 _LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _MOST_SINK = 0.6  # of the half width
 _ROUND = 0.9  # of a circle's radius by its area, that lies within an outline; of a square .886 does
@@ -39,20 +40,15 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
             throats.append(throat)
             if shape.through:
                 throats.append(replace(throat, depth=throat.depth - throat.sink))
-    best = min(throats, key=opening.cost)
     widest = float(_THROATS[-1]) * width
-    step = 1.0
-    while step > FINEST:
-        moves = [
-            replace(best, grow=best.grow + g * step, sink=float(np.clip(best.sink + k * step, 0.0, widest)))
-            for g, k in ((0, 0), (1, 1), (-1, -1), (0, 1), (0, -1))  # the rim or the throat moves
-        ]
+
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
+        for g, k in _RIM_MOVES:
+            yield replace(best, grow=best.grow + g * step, sink=float(np.clip(best.sink + k * step, 0.0, widest)))
         drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
-        moves += [replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT]
-        better = min(moves, key=opening.cost)
-        step = step / 2 if better == best else step
-        best = better
-    return best
+        yield from (replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT)
+
+    return _descended(opening, min(throats, key=opening.cost), moves, 1.0)
 
 
 def stepped(opening: Opening, sunk: Shape) -> Shape:
@@ -67,17 +63,14 @@ def stepped(opening: Opening, sunk: Shape) -> Shape:
     tops = np.geomspace(_LEAST_STEP, max(sunk.depth, 2 * _LEAST_STEP), _STEPS)
     shapes = (replace(plain, step=float(top), sink=sunk.sink * k) for top in tops for k in _WIDER)
     best = min(filter(possible, shapes), key=opening.cost, default=plain)
-    step = 1.0
-    while step > FINEST:
-        moves = [
-            replace(best, grow=best.grow + g * step, sink=best.sink + k * step, step=best.step + t * step)
-            for g, k, t in ((1, 1, 0), (-1, -1, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-        ]
-        moves += [replace(best, depth=best.depth + d * step) for d in (1, -1)]
-        better = min((best, *filter(possible, moves)), key=opening.cost)
-        step = step / 2 if better == best else step
-        best = better
-    return best
+
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
+        for g, k in _RIM_MOVES:
+            yield replace(best, grow=best.grow + g * step, sink=best.sink + k * step)
+        yield from (replace(best, step=best.step + k * step) for k in (1, -1))
+        yield from (replace(best, depth=best.depth + k * step) for k in (1, -1))
+
+    return _descended(opening, best, moves, 1.0, possible=possible)
 
 
 def domed(opening: Opening, best: Shape) -> list[Shape]:
@@ -103,35 +96,31 @@ def to_best_dome(opening: Opening, shapes: Sequence[Shape]) -> Shape:
     def possible(shape: Shape) -> bool:
         return shape.depth > shape.top + FINEST and (not shape.top or 0 < shape.sink < _MOST_SINK * width)
 
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
+        yield from (replace(best, grow=best.grow + k * step) for k in (1, -1))
+        yield from (replace(best, depth=best.depth + k * step) for k in (1, -1))
+        if best.top:
+            for g, k in _RIM_MOVES:
+                yield replace(best, grow=best.grow + g * step, sink=best.sink + k * step)
+            yield from (replace(best, draft=best.draft * _COUNTERSINK_RATIO ** (k * step)) for k in (-1, 1))
+
     best = min(filter(possible, shapes), key=opening.cost, default=shapes[0])
-    step = 1.0
-    while step > FINEST:
-        moves = [replace(best, grow=best.grow + g * step) for g in (0, 1, -1)]
-        moves += [replace(best, depth=best.depth + d * step) for d in (1, -1)]
-        if best.top:  # the rim or the throat moves
-            moves += [
-                replace(best, grow=best.grow + g * step, sink=best.sink + k * step)
-                for g, k in ((1, 1), (-1, -1), (0, 1), (0, -1))
-            ]
-            moves += [replace(best, draft=best.draft * _COUNTERSINK_RATIO ** (k * step)) for k in (-1, 1)]
-        better = min(filter(possible, moves), key=opening.cost, default=best)
-        step = step / 2 if better == best else step
-        best = better
-    return best
+    return _descended(opening, best, moves, 1.0, possible=possible)
 
 
 def to_best_taper(opening: Opening, shape: Shape) -> Shape:
     """The best tapered blind shape that small steps of draft, depth and outline reach from one."""
-    best, step = shape, _LEAN_STEP
-    while step > _FINEST_LEAN / 2:
-        moves = [replace(best, draft=best.draft + k * step) for k in (1, -1) if 0 < best.draft + k * step < _MOST_DRAFT]
-        moves += [replace(best, depth=best.depth * (1 + k * step)) for k in (1, -1)]
-        moves += [replace(best, grow=best.grow + k * step / _LEAN_STEP) for k in (1, -1)]
-        possible = [m for m in moves if opening.shallowest <= m.depth <= opening.deepest]
-        better = min((best, *possible), key=opening.cost)
-        step = step / 2 if better == best else step
-        best = better
-    return best
+
+    def possible(shape: Shape) -> bool:
+        return 0 < shape.draft <= _MOST_DRAFT and opening.shallowest <= shape.depth <= opening.deepest
+
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
+        for k in (step, -step):
+            yield replace(best, draft=best.draft + k)
+            yield replace(best, depth=best.depth * (1 + k))
+            yield replace(best, grow=best.grow + k / _LEAN_STEP)
+
+    return _descended(opening, shape, moves, _LEAN_STEP, _FINEST_LEAN / 2, possible)
 
 
 def has_throat(outline: NDArray[np.bool_], shape: Shape) -> bool:
@@ -143,29 +132,48 @@ def has_throat(outline: NDArray[np.bool_], shape: Shape) -> bool:
 def oblique(opening: Opening) -> Shape:
     """The best hole that goes through at an angle."""
     shapes = [Shape(opening.deepest, tilt=(float(u), float(v)), through=True) for u in _TILTS for v in _TILTS]
-    best = min(shapes, key=opening.cost)
-    step = (_TILTS[1] - _TILTS[0]) / 2
-    while step > _FINEST_LEAN:
+
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
         u, v = best.tilt
-        moves = ((0, 0), (step, 0), (-step, 0), (0, step), (0, -step))
-        better = min((replace(best, tilt=(float(u + du), float(v + dv))) for du, dv in moves), key=opening.cost)
-        step = step / 2 if better == best else step
-        best = better
-    return best
+        for du, dv in ((step, 0), (-step, 0), (0, step), (0, -step)):
+            yield replace(best, tilt=(float(u + du), float(v + dv)))
+
+    return _descended(opening, min(shapes, key=opening.cost), moves, (_TILTS[1] - _TILTS[0]) / 2, _FINEST_LEAN)
 
 
 def tapered(opening: Opening) -> Shape:
     """The best concavity that narrows with its depth."""
     best = min((best_depth(opening, _FEW_DEPTHS, Shape(0.0, draft=d)) for d in _DRAFTS), key=opening.cost)
-    step = _DRAFTS[0] / 2
-    while step > _FINEST_LEAN:
-        tried = [replace(best, draft=float(np.clip(best.draft + k, 0.0, _MOST_DRAFT))) for k in (0, step, -step)]
+
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
+        for k in (step, -step):
+            yield replace(best, draft=float(np.clip(best.draft + k, 0.0, _MOST_DRAFT)))
         if not best.through:
-            tried += [
-                replace(best, depth=float(np.clip(best.depth * k, opening.shallowest, opening.deepest)))
-                for k in (0.9, 1.1)
-            ]
-        better = min(tried, key=opening.cost)
+            for ratio in (0.9, 1.1):
+                yield replace(best, depth=float(np.clip(best.depth * ratio, opening.shallowest, opening.deepest)))
+
+    return _descended(opening, best, moves, _DRAFTS[0] / 2, _FINEST_LEAN)
+
+
+def _descended(
+    opening: Opening,
+    best: Shape,
+    moves: Callable[[Shape, float], Iterable[Shape]],
+    step: float,
+    finest: float = FINEST,
+    possible: Callable[[Shape], bool] = lambda _: True,
+) -> Shape:
+    """The best shape that ever smaller steps reach from one.
+
+    Args:
+        opening: with the rays that judge.
+        best: the start.
+        moves: from a shape, by a step.
+        step, finest: the first and the last one.
+        possible: which shapes may be taken.
+    """
+    while step > finest:
+        better = min(filter(possible, (best, *moves(best, step))), key=opening.cost, default=best)
         step = step / 2 if better == best else step
         best = better
     return best

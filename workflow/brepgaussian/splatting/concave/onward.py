@@ -8,14 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.ends import core_of, is_straight, refuted_there, ring_of
 from brepgaussian.splatting.concave.join import distance_between, face_each_other, throat
 from brepgaussian.splatting.concave.openings import Images, across
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
 _NARROWER = 0.8  # of the pocket's radius, at most, the hole has
@@ -23,7 +22,7 @@ _BAND_CELLS = 1, 3  # from the rim, on either side, where its step is sought
 _LEAST_CELLS = 10  # of either band, that a view sees
 _STEP = 2.0  # tolerances
 _LEAST_VIEWS = 3  # that see both
-_OFF_CELLS = 0.5  # over the floor, off the hull's roughness
+_OFF_CELLS = 0.5  # over the floor its views are asked: the pocket's rim is close
 _RIMMED = 0.5  # of the views that see both
 _LEAST_WALL_CELLS = 3.0  # between the gap and the floor
 
@@ -64,28 +63,16 @@ def onward(images: Images, scene: Scene, tolerance: float, prism: Prism, known: 
 
 def _rimmed_share(images: Images, scene: Scene, prism: Prism, depth: float) -> float:
     """Share of the views of the floor that show a step in grey all around where a hole would meet it."""
-    lattice = prism.lattice
-    floor = replace(lattice, origin=lattice.origin - depth * lattice.normal, normal=-lattice.normal)
-    bands = [ndimage.binary_dilation(prism.outline, iterations=k) for k in _BAND_CELLS]
-    inner = [ndimage.binary_erosion(prism.outline, iterations=k) for k in _BAND_CELLS]
-    sides = inner[0] & ~inner[1], bands[1] & ~bands[0]
-    stack = across(images, scene, floor, sides[0] | sides[1])
-    seen = [np.where(_clear(images, scene, floor, side), stack.grey[:, side], np.nan) for side in sides]
+    floor = replace(prism.lowered(depth), normal=-prism.lattice.normal)
+    inner, outer = (
+        [change(prism.outline, iterations=k) for k in _BAND_CELLS]
+        for change in (ndimage.binary_erosion, ndimage.binary_dilation)
+    )
+    sides = inner[0] & ~inner[1], outer[1] & ~outer[0]
+    stack = across(images, scene, floor, sides[0] | sides[1], _OFF_CELLS)
     steps = []
-    for within, beside in zip(*seen, strict=True):
-        some = [band[np.isfinite(band)] for band in (within, beside)]
-        if min(len(band) for band in some) >= _LEAST_CELLS:
-            steps.append(abs(float(np.median(some[0])) - float(np.median(some[1]))) > _STEP * images.tolerance)
+    for grey in stack.grey:
+        within, beside = (grey[side][np.isfinite(grey[side])] for side in sides)
+        if min(len(within), len(beside)) >= _LEAST_CELLS:
+            steps.append(abs(float(np.median(within)) - float(np.median(beside))) > _STEP * images.tolerance)
     return float(np.mean(steps)) if len(steps) >= _LEAST_VIEWS else 0.0
-
-
-def _clear(images: Images, scene: Scene, floor: Lattice, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(V, N) whether views see cells (R, C) of a pocket's floor past its rim, which is close to it."""
-    places = floor.centers()[cells]
-    start = places + _OFF_CELLS * floor.pitch * floor.normal
-    result = []
-    for center in images.views.cameras.centers:
-        to_camera = center - start
-        to_camera /= np.linalg.norm(to_camera, axis=1, keepdims=True)
-        result.append(~scene.occluded(start, to_camera))
-    return np.array(result)

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 LID, WALL, BACKGROUND, UNSEEN = 0, 1, 2, 3  # what a view shows at a cell of the lattice
 _NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
 _SIGMAS = 3.0
+_OFF_CELLS = 3.0  # over a face, its views are asked: off the hull's own roughness
 _LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
 _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
@@ -121,36 +122,45 @@ def rectify(images: Images, scene: Scene, lattice: Lattice, relief: Array | None
     return _stack(images, scene, lattice, domain, relief, normals)
 
 
-def across(images: Images, scene: Scene, lattice: Lattice, domain: NDArray[np.bool_]) -> Stack:
-    """Look at cells (R, C) of a plane through all views, whether or not it is a face of the hull there."""
+def across(images: Images, scene: Scene, lattice: Lattice, domain: NDArray[np.bool_], off: float = _OFF_CELLS) -> Stack:
+    """Look at cells (R, C) of a plane through all views, whether or not it is a face of the hull there.
+
+    What stands in the way less than `off` cells above it is taken for the hull's roughness.
+    """
     normals = np.broadcast_to(lattice.normal, (lattice.shape[0] * lattice.shape[1], 3))
-    return _stack(images, scene, lattice, domain, np.zeros(lattice.shape), normals)
+    return _stack(images, scene, lattice, domain, np.zeros(lattice.shape), normals, off)
 
 
 def _stack(
-    images: Images, scene: Scene, lattice: Lattice, domain: NDArray[np.bool_], relief: Array, normals: Array
+    images: Images,
+    scene: Scene,
+    lattice: Lattice,
+    domain: NDArray[np.bool_],
+    relief: Array,
+    normals: Array,
+    off: float = _OFF_CELLS,
 ) -> Stack:
     cells = (lattice.centers() - relief[..., None] * lattice.normal).reshape(-1, 3)
     within = domain.ravel()
     shape = (len(images.views.cameras), *lattice.shape)
     grey, shown = np.full(shape, np.nan, np.float32), np.full(shape, UNSEEN, np.uint8)
-    grey[:, domain], shown[:, domain] = _look(images, scene, cells[within], normals[within], lattice.pitch)
+    grey[:, domain], shown[:, domain] = _look(images, scene, cells[within], normals[within], off * lattice.pitch)
     return Stack(lattice, domain, shown, grey, relief)
 
 
 def refuted_share(images: Images, scene: Scene, places: Array, normals: Array, pitch: float) -> Array:
     """(N,) share of the views of places (N, 3) on a hull that don't show what the others show there."""
-    return _against(_look(images, scene, places, normals, pitch)[1])
+    return _against(_look(images, scene, places, normals, _OFF_CELLS * pitch)[1])
 
 
 def _look(
-    images: Images, scene: Scene, cells: Array, normals: Array, pitch: float
+    images: Images, scene: Scene, cells: Array, normals: Array, off: float
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Grey levels (V, N) of cells (N, 3), and what they show (V, N); see `Stack`."""
+    """Grey levels (V, N) of cells (N, 3), seen from `off` above them, and what they show (V, N); see `Stack`."""
     cameras = images.views.cameras
     grey = np.full((len(cameras), len(cells)), np.nan, np.float32)  # -1 = background
     for view, center in enumerate(cameras.centers):
-        seen = _visible(scene, cells, normals, center, pitch)
+        seen = _visible(scene, cells, normals, center, off)
         if len(seen):
             grey[view, seen] = _sample(images, view, cells[seen])
     shown = np.where(np.abs(grey - _consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
@@ -263,12 +273,12 @@ def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
     return bool(frame.any()) and float(same.mean()) >= _FRAME_SHARE
 
 
-def _visible(scene: Scene, cells: Array, normals: Array, center: Array, pitch: float) -> NDArray[np.int64]:
+def _visible(scene: Scene, cells: Array, normals: Array, center: Array, off: float) -> NDArray[np.int64]:
     """(M,) which of the cells (N, 3) the camera sees from above, past the rest of the hull."""
     to_camera = center - cells
     length = np.sqrt(np.einsum("nc,nc->n", to_camera, to_camera))
     index = np.flatnonzero(np.einsum("nc,nc->n", to_camera, normals) > _LEAST_COSINE * length)
-    start = cells[index] + 3 * pitch * normals[index]  # off the hull's own roughness
+    start = cells[index] + off * normals[index]
     return index[~scene.occluded(start, to_camera[index] / length[index, None])]
 
 

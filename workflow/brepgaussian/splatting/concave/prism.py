@@ -151,6 +151,9 @@ class Prism:
             points: (N, 3) positions.
             margin: how far it reaches above its opening (and below its end, if it goes through).
         """
+        if self.step:
+            wide, narrow = (part.signed_distance(points, margin) for part in self.parted())
+            return np.minimum(wide, narrow)
         cells, height = self.upright(points)
         lateral = self.lateral(cells)
         leaning = 1 + np.dot(self.tilt, self.tilt)
@@ -176,7 +179,10 @@ class Prism:
         plain = replace(self, sink=np.inf, step=0.0)
         narrow = signed_outline(self.outline) < -self.sink / self.lattice.pitch
         wide = replace(plain, depth=self.step, endless=False, ring=True)
-        return wide, replace(plain, lattice=self.lowered(self.step), outline=narrow, depth=self.depth - self.step)
+        rest = replace(
+            plain, lattice=self.lowered(self.step), outline=narrow, depth=self.depth - self.step, section=None
+        )
+        return wide, rest
 
     def _cap(self, cells: Array, height: Array) -> Array:
         """(N,) distance to the spherical floor, negative within the sphere and above its widest place in the walls."""
