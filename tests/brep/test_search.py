@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.judgement import shape_of
@@ -121,3 +122,26 @@ def looked_at(doubts):
 def test_what_the_points_objected_to_is_compared_with_other_explanations_though_the_images_accept_it():
     assert looked_at(("patch 3 is explained to 12%",)) == 2
     assert looked_at(()) == 1
+
+
+def compared(second):
+    """What is left of one accepted solid with doubts beside the solids of two other explanations, and how many of them
+    were asked for."""
+    source = attempt("extended")
+    source = replace(source, verdict=replace(source.verdict, doubts=("patch 3 is explained to 12%",)))
+    one, asked = search(source), []
+    one.polished[shape_of(source)] = first = judged(6)
+    other = replace(explanation(5), patches=(SimpleNamespace(surface=SimpleNamespace(kind="plane")),) * 5)
+    one.others = (asked.append(k) or other for k in range(2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Search, "_first", lambda self, names: second)
+        patch.setattr("brepgaussian.brep.search._worse", lambda *_: "the images agree little better")
+        return one._against_others(first)[1], len(asked)
+
+
+def test_two_explanations_that_come_to_the_same_solid_end_the_search():
+    better = judged(6)
+    better.report["silhouette_px"] = 0.02
+    assert compared(better) == (better, 1)
+    assert compared(judged(6, accepted=False))[1] == 2
+    assert compared(judged(7))[1] == 2

@@ -72,7 +72,7 @@ class Search:
         """The best solid after other explanations of the points were tried, and the search that found it.
 
         They are tried where no solid is without doubts, or the images refuse it: one that they accept although the
-        points had objected to it may be right by accident.
+        points had objected to it may be right by accident, until another explanation comes to the same one.
         """
         winner: Search = self
         for job in self.others:
@@ -88,6 +88,11 @@ class Search:
             fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
             kinds = " ".join(p.surface.kind for p in job.patches)
             get_logger("brep").info("afresh as %s: %s", kinds, fault or "taken")
+            if found is not None and best is not None and _same(found, best) and _beyond_doubt(best, winner.job):
+                get_logger("brep").info("two explanations come to the same solid")
+                if _beyond_doubt(found, job) and self._badness(found) < self._badness(best):
+                    winner, best = search, found
+                break
             if not fault:
                 winner, best = search, found
         return winner, best
@@ -230,6 +235,13 @@ def _beyond_doubt(best: Polished, job: Job) -> bool:
     """Whether neither the points, those of patches that its job left out included, nor the images object to a solid."""
     bare = bool(job.left_out) and leaves_points(best.attempt)
     return best.report.get("accepted") is not False and not bare and not best.attempt.verdict.doubts
+
+
+def _same(new: Polished, best: Polished) -> bool:
+    """Whether the images accept both solids and they are one and the same, but for seams."""
+    accepted = bool(new.report.get("accepted") and best.report.get("accepted"))
+    (faces, _, *others), (known, _, *rest) = shape_of(new.attempt), shape_of(best.attempt)
+    return accepted and (faces, others) == (known, rest)
 
 
 def _hopeless(job: Job, best: Polished) -> bool:

@@ -96,7 +96,7 @@ def measure(
         tolerance: grey levels that one place may differ by.
     """
     pitch = stack.lattice.pitch
-    looked = _looked_into(stack, outline, centers, scene)
+    looked = looked_into(stack, outline, centers, scene)
     if looked is None:
         return None
     every, ends, breaks = looked
@@ -150,7 +150,7 @@ def shoulder(
         stack, outline, centers, scene, tolerance: as for `measure`.
         hollow: radius of the hole, cells.
     """
-    looked = _looked_into(stack, outline, centers, scene)
+    looked = looked_into(stack, outline, centers, scene)
     if looked is None:
         return None
     every, ends, breaks = looked
@@ -170,7 +170,7 @@ def shoulder(
     return float(first.depth * ratios[best] * _NEAR_RATIO**moved * stack.lattice.pitch)
 
 
-def _looked_into(
+def looked_into(
     stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scene
 ) -> tuple[Rays, Ends, bool] | None:
     """All rays through an opening, and what `_ends` says of it; None if there is nothing to tell, or few that do."""

@@ -10,6 +10,7 @@ from scipy import ndimage
 from brepgaussian import log
 from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.curved import spot_around, spots
+from brepgaussian.splatting.concave.deeper import is_whole, surely_deeper
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.join import in_line, opposite
 from brepgaussian.splatting.concave.mouths import completed
@@ -174,7 +175,9 @@ def _concavities(
         if outline.any():
             fit = measured(images, scene, seen, outline)
             # around a hub silhouettes would show what goes through
-            if fit is not None and _believable(fit[0]) and not (above and fit[0].through):
+            if fit is None or not _believable(fit[0]) or (above and fit[0].through):
+                continue
+            if floor is None or not is_whole(floor, fit[0]) or surely_deeper(images, scene, floor, fit[0]):
                 fits.append((replace(fit[0], above=above), fit[1]))
     around = [prism for prism, _ in fits if prism.above]
     fits = [fit for fit in fits if fit[0].above or not any(_hangs(fit[0], hub) for hub in around)]
