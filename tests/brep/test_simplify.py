@@ -70,6 +70,18 @@ def test_a_bent_plane_is_straightened(block, bent):
     assert abs(found[0].new[0].surface.axis[2]) == pytest.approx(1, abs=1e-4)
 
 
+@pytest.mark.parametrize("made", [False, True])
+def test_points_that_were_made_on_a_narrow_fillet_tell_nothing_about_its_kind(block, made):
+    ring = torus(np.array([0.5, 0.5, 0.515]), np.array([0, 0, 1.0]), 0.345, 0.015, flipped=True)
+    about, down = (a.ravel() for a in np.meshgrid(np.linspace(0, 2 * np.pi, 90, False), np.linspace(0, np.pi / 2.5, 5)))
+    out = 0.345 - 0.015 * np.sin(down)
+    xyz = np.column_stack([0.5 + out * np.cos(about), 0.5 + out * np.sin(about), 0.515 - 0.015 * np.cos(down)])
+    assert np.abs(ring.signed_distance(xyz)).max() < 1e-9
+    strip = Patch(ring, 90, xyz, ring.normals(xyz), 0.02, 0.0, made=made)
+    found = [c.new[0].surface.kind for c in proposals([*patches_of(block), strip], 0.004, 0) if c.gone == (7,)]
+    assert bool(found) is not made
+
+
 @pytest.mark.parametrize(("taper", "kind"), [(0.1, "cylinder"), (3.0, None)])
 def test_the_refined_surface_tells_what_rounded_points_do_not(block, taper, kind):
     patches = patches_of(block)

@@ -157,7 +157,7 @@ def _numbered(bands: Sequence[tuple[Surface, Array]], patches: Sequence[Patch]) 
     """Patches of made surfaces and points (N, 3) on them, numbered after those that there are."""
     first = next_number(patches)
     return [
-        Patch(made, first + k, points, made.normals(points).copy(), _REACH * SPACING, 0.0)
+        Patch(made, first + k, points, made.normals(points).copy(), _REACH * SPACING, 0.0, made=True)
         for k, (made, points) in enumerate(bands)
     ]
 

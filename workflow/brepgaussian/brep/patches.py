@@ -32,6 +32,7 @@ class Patch:
         sigma: distance of the points from the surface (root mean square).
         cap: a guess without points of its own; `xyz` only says where it is.
         whole: its sheet always goes through the whole box.
+        made: its points were made on its surface, and tell nothing about its kind.
     """
 
     surface: Surface
@@ -42,6 +43,7 @@ class Patch:
     sigma: float
     cap: bool = False
     whole: bool = False
+    made: bool = False
 
     @cached_property
     def box(self) -> tuple[Array, Array]:

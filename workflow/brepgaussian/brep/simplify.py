@@ -172,7 +172,7 @@ def _kinds(
 ) -> Iterator[Change]:
     """Patches that a simpler kind explains to within some noises; the simplest that does."""
     for index, patch in enumerate(patches):
-        for kind in SIMPLER[patch.surface.kind]:
+        for kind in () if patch.made else SIMPLER[patch.surface.kind]:
             surface = fitted_to(kind, [patch], noise, rng)
             if surface is not None and explains(surface, patch, noise, sigmas):
                 yield Change(f"patch {patch.primitive} as a {kind}", (index,), (joined(surface, [patch]),))
