@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.tangents import tangent_walls
+from brepgaussian.brep.tangents import cleared, tangent_walls
 from brepgaussian.geometry.surfaces import cylinder, plane
 
 NOISE, RADIUS, REACH = 0.001, 0.2, 0.02
@@ -65,3 +65,22 @@ def test_an_opposite_wall_that_is_known_better_tells_the_direction():
     found = tangent_walls([*patches, opposite], NOISE)[1].surface
     np.testing.assert_allclose(found.axis, [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(found.signed_distance(MIDDLE[None] + [[RADIUS, 0, 0]]), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("lift", [-0.001, 0.0, 0.0004])
+def test_a_flat_that_touches_a_rod_in_a_point_is_moved_clear_of_it(lift):
+    rng = np.random.default_rng(4)
+    turn, up = rng.uniform(0, 2 * np.pi, 4000), rng.uniform(0, 0.6, 4000)
+    out = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(4000)])
+    rod = patch(cylinder(np.zeros(3), np.eye(3)[2], RADIUS), RADIUS * out + up[:, None] * np.eye(3)[2], out, NOISE)
+    far, about = 0.25 * np.sqrt(rng.uniform(0, 1, 3000)), rng.uniform(0, 2 * np.pi, 3000)
+    disk = np.column_stack([np.full(3000, RADIUS + lift), far * np.cos(about), 0.85 + far * np.sin(about)])
+    flat = patch(plane(disk.mean(axis=0), np.eye(3)[0]), disk, np.tile(np.eye(3)[0], (3000, 1)), NOISE)
+    same, moved = cleared([rod, flat], NOISE)
+    assert same is rod
+    assert moved.surface.origin[0] == pytest.approx(RADIUS + 1e-4, abs=1e-9)
+
+
+def test_a_wall_that_touches_a_round_face_all_along_stays():
+    patches = bearing(np.random.default_rng(2))
+    assert all(a is b for a, b in zip(cleared(patches, NOISE), patches, strict=True))

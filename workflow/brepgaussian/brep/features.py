@@ -120,7 +120,8 @@ def placed(
         poor = {index for index, patch in left.items() if len(patch.xyz) < _LEAST_LEFT * len(patches[index].xyz)}
         if not poor:
             new = _numbered(_joined(bands, width), patches)
-            return Change(f"{len(new)} {what}", tuple(left), (*left.values(), *new))
+            beside = ", ".join(str(patches[index].primitive) for index in left)
+            return Change(f"{len(new)} {what} beside patches {beside}", tuple(left), (*left.values(), *new))
         bands = [(edge, band) for edge, band in bands if poor.isdisjoint(edge.surfaces)]
     return None
 

@@ -49,6 +49,7 @@ class Job:
         labelling: which one of `points.ply` the patches are from; 0 = the first.
         floors: of bores whose ends no view shows; they follow the patches on every rung, before the caps.
         blends: patches that are fillets: the solid is built without them, and its edges are rounded.
+        clear: whether planes are kept clear of the cylinders that they touch in a point.
     """
 
     patches: tuple[Patch, ...]
@@ -61,6 +62,7 @@ class Job:
     labelling: int = 0
     floors: tuple[Patch, ...] = ()
     blends: tuple[Blend, ...] = ()
+    clear: bool = False
 
     def guesses(self, rung: Rung) -> tuple[Patch, ...]:
         """Faces without points of their own that take part in a rung, after the patches."""

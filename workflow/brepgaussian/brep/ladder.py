@@ -27,7 +27,7 @@ from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.brep.skins import ramps, skins
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import symmetric
-from brepgaussian.brep.tangents import tangent_walls
+from brepgaussian.brep.tangents import cleared, tangent_walls
 from brepgaussian.brep.tidy import tidy
 from brepgaussian.brep.tubes import even_tubes
 from brepgaussian.brep.worker import Worker, WorkerError
@@ -107,7 +107,7 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     """The job with rolled fillets, with even pipes, without skins, with smooth fillets, with planes for curved walls,
-    with what symmetries carry, with straight profiles, with grooves.
+    with what symmetries carry, with straight profiles, with grooves, with planes clear of cylinders that they touch.
     """
     yield from rolled(job, sigma)
     yield from _changed(job, even_tubes(job.patches, sigma))
@@ -128,6 +128,7 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     grooves = grooved(job.patches)
     if grooves:
         yield applied(job, grooves)
+    yield from (replace(clear, clear=True) for clear in _changed(job, cleared(job.patches, sigma)))
 
 
 def _changed(job: Job, patches: Sequence[Patch]) -> Iterator[Job]:

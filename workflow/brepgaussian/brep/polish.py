@@ -12,6 +12,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.shown import ShownEdge, shown_edges
 from brepgaussian.brep.structure import Structure
+from brepgaussian.brep.tangents import cleared
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.geometry.surfaces import Surface
@@ -26,6 +27,7 @@ _EXPLAINED = 0.5  # reaches from the surface: the median of a patch that is expl
 _ROUNDS = 3  # of refining and rebuilding
 _MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
 _ROUNDING = 1e-9
+_MASK_LIMITS = 1.0  # of what may be wrong with silhouettes, all counts together
 _IOU_SLACK = 1e-3  # what the kernel's solid may lose against the refined triangulation
 
 
@@ -68,6 +70,8 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             if drawn:
                 firm = refine(structure, mesh, attempt.surfaces, views, settings, drawn)
                 result = firm if firm.accepted or not result.accepted else result
+            if job.clear:
+                result = replace(result, surfaces=_cleared(job, result.surfaces))
             details = {k: v for k, v in result.report.items() if k != "seconds"}  # a rerun gives the same bytes
             if best is None:
                 notes = {"refined": False, "refinement": details | _tables(result.before)}
@@ -131,6 +135,14 @@ def wrong_masks(report: Mapping[str, Any], settings: BrepSettings) -> float:
     """How far the silhouettes of a judged solid are wrong, in limits."""
     missing = in_limits(1 - report["mask_iou"], 1 - settings.accept_iou)
     return missing + in_limits(report.get("astray", 0.0), settings.accept_astray)
+
+
+def outlined(report: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether edges and silhouettes of a judged solid are right, whatever lies between them."""
+    px, iou = report.get("silhouette_px"), report.get("mask_iou")
+    if px is None or iou is None:
+        return False
+    return bool(px < settings.accept_silhouette_px and wrong_masks(report, settings) < _MASK_LIMITS)
 
 
 def in_limits(value: float, limit: float) -> float:
@@ -205,6 +217,12 @@ def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set
     floors, rest = moved[: len(job.floors)], enumerate(moved[len(job.floors) :], start=count + len(job.floors))
     caps = tuple(c for i, c in rest if i in used)
     return replace(with_patches_on(job, surfaces), floors=tuple(floors), caps=caps)
+
+
+def _cleared(job: Job, surfaces: tuple[Surface, ...]) -> tuple[Surface, ...]:
+    """Refined surfaces, planes kept clear of the cylinders that they touch in a point."""
+    patches = with_patches_on(job, surfaces).patches
+    return (*(patch.surface for patch in cleared(patches)), *surfaces[len(patches) :])
 
 
 def with_patches_on(job: Job, surfaces: tuple[Surface, ...]) -> Job:

@@ -9,7 +9,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import Shape, against, leaves_points, shape_of, short_of, size
-from brepgaussian.brep.polish import Polished, badness, polish
+from brepgaussian.brep.polish import Polished, badness, outlined, polish
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
@@ -53,7 +53,7 @@ class Search:
         """The best solid, judged by the images where there are some; None if no rung gives one fit to publish."""
         first = self._first()
         if first is not None and first.report.get("accepted") is False:
-            first = self._bordered(first)
+            first = self._rounded(self._bordered(first))
         winner, best = self._against_others(first)
         if best is None or self.views is None:
             return best
@@ -94,7 +94,7 @@ class Search:
                     winner, best = search, found
                 break
             if not fault:
-                winner, best = search, found
+                winner, best = search, search._rounded(found)
         return winner, best
 
     def _finished(self, best: Polished) -> Polished:
@@ -211,6 +211,17 @@ class Search:
         if trials is None:
             return best
         better = trials.bordered()
+        self.job = trials.job
+        return better
+
+    def _rounded(self, best: Polished | None) -> Polished | None:
+        """A refused solid of which edges and silhouettes are right with the fillets that it lacks."""
+        if best is None or best.report.get("accepted") is not False or not outlined(best.report, self.job.settings):
+            return best
+        trials = self._trials(best)
+        if trials is None:
+            return best
+        better = trials.rounded()
         self.job = trials.job
         return better
 

@@ -22,6 +22,8 @@ _PARALLEL = np.cos(np.radians(5.0))  # between two walls
 _NEAR = 5.0  # of the worse residual, or noises: a slit is no wider
 _WORSE = 3.0  # times its present residual, or noises, that the wall may have
 _SAME = 1e-6  # unit frame: a wall that touches already
+_CLEAR = 1e-4  # unit frame, a thirtieth of a pixel: sheets this far apart don't meet for the kernel
+_POINT = 0.5  # of the cylinder's radius, along which plane and cylinder meet at most if they touch in a point
 
 
 def tangent_walls(patches: Sequence[Patch], noise: float) -> list[Patch]:
@@ -38,6 +40,30 @@ def tangent_walls(patches: Sequence[Patch], noise: float) -> list[Patch]:
             if surface is not None and surface.rms(wall.xyz) <= _WORSE * max(wall.sigma, noise):
                 result[k] = replace(wall, surface=surface, sigma=surface.rms(wall.xyz))
     return result
+
+
+def cleared(patches: Sequence[Patch], noise: float = 0.0) -> list[Patch]:
+    """The patches with every plane that touches a cylinder in a point, the flat of a rod's eye, moved clear of it.
+
+    The kernel finds no solid between sheets that touch.
+    """
+    result = list(patches)
+    for round_ in (p for p in patches if p.surface.kind == "cylinder"):
+        tree = cKDTree(round_.xyz)
+        for k, wall in enumerate(patches):
+            surface, axis = result[k].surface, round_.surface.axis
+            if surface.kind != "plane" or abs(float(surface.axis @ axis)) > _ALONG:
+                continue
+            normal = unit(surface.axis - (surface.axis @ axis) * axis)
+            gap = float((surface.origin - round_.surface.origin) @ normal) - round_.surface.radius
+            meeting = wall.xyz[tree.query(wall.xyz)[0] <= 2 * max(wall.reach, round_.reach)] @ axis
+            if abs(gap) < _NEAR * max(wall.sigma, noise) and len(meeting) and np.ptp(meeting) < _length(round_):
+                result[k] = replace(wall, surface=plane(surface.origin + (_CLEAR - gap) * normal, normal))
+    return result
+
+
+def _length(round_: Patch) -> float:
+    return _POINT * round_.surface.radius + 2 * round_.reach
 
 
 def _touching(wall: Patch, patches: Sequence[Patch], round_: Surface, near: float) -> Surface | None:

@@ -72,7 +72,7 @@ class Trials:
             self._edged()
         self.bordered()
         self._simplified()
-        for step in (self._mended, self._rounded):
+        for step in (self._mended, self.rounded):
             before = self.best
             step()
             if self.best is not before:  # what is right now may show that other faces are one
@@ -95,6 +95,14 @@ class Trials:
         for change in self._borders():
             if change.name not in self.refused:
                 self._tried([change], slack=0.0)  # the points are why: they have to like it
+        return self._noted()
+
+    def rounded(self) -> Polished:
+        """Try fillets where parallax places faces elsewhere beside edges that agree with the images."""
+        if in_doubt(self.best.report, self.job.settings):
+            known = self._judged()
+            edges = () if known is None else known[1]
+            self._filleted(partial(fillets, off=self.best.off, edges=edges), calms)
         return self._noted()
 
     def _edged(self) -> None:
@@ -126,13 +134,6 @@ class Trials:
             if not any(self._tried([change], simpler=False, enough=mends) for change in changes):
                 break
 
-    def _rounded(self) -> None:
-        """Try fillets where parallax places faces elsewhere beside edges that agree with the images."""
-        if in_doubt(self.best.report, self.job.settings):
-            known = self._judged()
-            edges = () if known is None else known[1]
-            self._filleted(partial(fillets, off=self.best.off, edges=edges), calms)
-
     def _completed(self) -> None:
         """Try all corners of a pocket rounded where some are: images hardly tell, so they only have to bear it."""
         for _ in range(_MOST_RADII):
@@ -148,7 +149,7 @@ class Trials:
         if structure is None:
             return False
         job = self._refined()
-        changes = propose(structure, self.best.attempt.surfaces, job.patches)
+        changes = [c for c in propose(structure, self.best.attempt.surfaces, job.patches) if c.name not in self.refused]
         if not changes:
             return False
         self.job, self.left = job, self.left.other(_RUNGS * len(changes), len(changes))
