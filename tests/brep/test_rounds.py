@@ -10,6 +10,7 @@ from brepgaussian.brep.features import WIDTHS
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.rounds import fillets, roundings
+from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import Edge, Structure
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
@@ -152,10 +153,10 @@ def test_corners_of_another_radius_are_proposed_from_the_solid_that_has_the_firs
 
     def propose(structure, surfaces, patches):
         asked.append(len(patches))
-        return [f"{len(asked)}a", f"{len(asked)}b"] if len(asked) < 3 else []
+        return [Change(f"{len(asked)}{k}", (), ()) for k in "ab"] if len(asked) < 3 else []
 
     def take(changes, **_):
-        tried.extend(changes)
+        tried.extend(change.name for change in changes)
         trials.job = replace(trials.job, patches=trials.job.patches[:-1])
         return True
 
