@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from brepgaussian.brep.refine import acceptance, from_solid, refine
+from brepgaussian.brep.refine import acceptance, from_solid, refine, visibility
 from brepgaussian.brep.structure import extract
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.settings.brep import BrepSettings
@@ -81,6 +81,17 @@ def test_a_notch_that_only_the_masks_show_is_missed(block):
     right = acceptance(from_solid(solid), extract(solid, surfaces), surfaces, views, BrepSettings())
     assert right.astray == 0 < BrepSettings().accept_astray < lost.astray
     assert not lost.accepted
+
+
+def test_a_sliver_of_background_thinner_than_a_pixel_is_a_border():
+    alpha = np.full((20, 20), 255, np.uint8)
+    alpha[4] = 180  # through a slot seen askance
+    rows, columns = np.array([4, 5, 12]), np.array([10, 10, 10])
+    assert visibility._clear_of_borders(alpha, rows, columns) == 1  # what is missing from the middle of the object
+    assert visibility._clear_of_borders(255 - alpha, rows, columns) == 1
+    alpha[10:15, 8:13] = 0  # a hole that the views show
+    assert visibility._clear_of_borders(alpha, rows, columns) == 1
+    assert visibility._clear_of_borders(alpha, rows, columns - 3) == 0
 
 
 def test_imprecise_poses_are_corrected(block):

@@ -20,6 +20,7 @@ KINDS = ("crease", "silhouette", "occluding")
 NEAR_PX, FAR_PX = 1.5, 4.5  # distances from the edge at which rays test what lies beside it
 SLIVER_PX = (0.3, 0.8)  # and these tell whether it reaches up to the edge; the triangulation is good to .06 px
 _DEPTH_PX = 12.0  # a hit this much nearer or farther than the sample, in pixel footprints, is another place
+_OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 ASTRAY_PX = 2  # wrong pixels this far from a silhouette's border are no matter of precision
 _NOTHING = -1
 _SIDES = (-1.0, 1.0)  # of an edge, along its image normal
@@ -195,16 +196,20 @@ def compare_masks(
         both += int((model & image).sum())
         either += int((model | image).sum())
         wrong = model != image
-        astray += _clear_of_borders(alpha[view] > 127, y.ravel()[wrong], x.ravel()[wrong])
+        astray += _clear_of_borders(alpha[view], y.ravel()[wrong], x.ravel()[wrong])
     return Masks(both / max(either, 1), astray / max(either, 1), either)
 
 
-def _clear_of_borders(mask: NDArray[np.bool_], rows: Indices, columns: Indices) -> int:
-    """How many pixels have the value of all pixels around them."""
+def _clear_of_borders(alpha: NDArray[np.uint8], rows: Indices, columns: Indices) -> int:
+    """How many pixels are surely object, or surely none, as all pixels around them are.
+
+    A sliver of background that is thinner than a pixel, through a slot seen askance, is a border, too.
+    """
     around = np.arange(-ASTRAY_PX, ASTRAY_PX + 1)
-    y = np.clip(rows[:, None, None] + around[:, None], 0, mask.shape[0] - 1)
-    x = np.clip(columns[:, None, None] + around, 0, mask.shape[1] - 1)
-    return int((mask[y, x] == mask[rows, columns][:, None, None]).all(axis=(1, 2)).sum())
+    y = np.clip(rows[:, None, None] + around[:, None], 0, alpha.shape[0] - 1)
+    x = np.clip(columns[:, None, None] + around, 0, alpha.shape[1] - 1)
+    window = alpha[y, x]
+    return int(((window >= _OPAQUE).all(axis=(1, 2)) | (window <= _CLEAR).all(axis=(1, 2))).sum())
 
 
 def group_names(structure: Structure, groups: Indices) -> list[str]:
