@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.profiles import grooved, straightened
+from brepgaussian.brep.profiles import flattened, grooved, straightened
 from brepgaussian.geometry.fit import fit_robust
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus, unit
 
@@ -108,3 +108,21 @@ def test_a_half_round_groove_stays_a_torus(seed):
     r, z = 0.2 + 0.04 * np.cos(around), 0.04 * np.sin(around)
     xyz = np.column_stack([r * np.cos(turn), r * np.sin(turn), z]) + rng.normal(0, NOISE, (2000, 3))
     assert grooved([as_patch(xyz, -ring.normals(xyz), fit_robust("torus", xyz, -ring.normals(xyz), NOISE)[0])]) == []
+
+
+@pytest.mark.parametrize(("angle", "change"), [(80.0, True), (60.0, False)])
+def test_a_cone_that_is_nearly_flat_may_be_a_plane(angle, change):
+    rng, axis = np.random.default_rng(1), np.eye(3)[2]
+    half = np.radians(angle)
+    turn, out = rng.uniform(0, 2 * np.pi, 900), rng.uniform(0.4, 0.5, 900)
+    radial = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(900)])
+    xyz = out[:, None] * radial - (out / np.tan(half))[:, None] * axis
+    normals = np.cos(half) * radial + np.sin(half) * axis
+    wall = Patch(cone(np.zeros(3), -axis, 0.0, half), 0, xyz, normals, 0.02, 0.001)
+    floor = Patch(plane(np.zeros(3), -axis), 1, out[:, None] * radial, np.tile(-axis, (900, 1)), 0.02, 0.001)
+    found = flattened([wall, floor])
+    assert bool(found) is change
+    if found:
+        flat = found[0].new[0].surface
+        assert np.allclose(flat.axis, axis)
+        assert flat.origin[2] == pytest.approx(-0.45 / np.tan(half), abs=0.002)

@@ -18,7 +18,7 @@ from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import Patch, make_patches
 from brepgaussian.brep.polish import Polished, badness, inspect
-from brepgaussian.brep.profiles import grooved, straightened
+from brepgaussian.brep.profiles import flattened, grooved, straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.shown import edge_rows
@@ -106,10 +106,13 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with rolled fillets, with even pipes, without skins, with smooth fillets, with planes for curved walls,
-    with what symmetries carry, with straight profiles, with grooves, with planes clear of cylinders that they touch.
+    """The job with rolled fillets, flat cones as planes, even pipes, without skins, with smooth fillets, planes for
+    curved walls, what symmetries carry, straight profiles, grooves, planes clear of cylinders that they touch.
     """
     yield from rolled(job, sigma)
+    flat = flattened(job.patches)
+    if flat:
+        yield applied(job, flat)
     yield from _changed(job, even_tubes(job.patches, sigma))
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)

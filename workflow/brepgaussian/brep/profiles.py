@@ -64,6 +64,27 @@ def grooved(patches: Sequence[Patch]) -> list[Change]:
     return result
 
 
+def flattened(patches: Sequence[Patch]) -> list[Change]:
+    """One change for every cone that is nearly flat, about the normal of a plane: a plane across its axis.
+
+    Of the walls of a groove, few views show the inner ends, and hulls narrow there.
+    """
+    normals = [p.surface.axis for p in patches if p.surface.kind == "plane"]
+    result: list[Change] = []
+    for i, patch in enumerate(patches):
+        axis = patch.surface.axis
+        flat = patch.surface.kind == "cone" and patch.surface.angle > np.pi / 2 - _LEANING
+        square = [n for n in normals if abs(float(n @ axis)) > _ALONG]
+        if not (flat and square):
+            continue
+        normal = max(square, key=lambda n: abs(float(n @ axis)))
+        middle = patch.xyz[np.argsort(patch.xyz @ normal)[len(patch.xyz) // 2]]
+        surface = plane(middle, np.copysign(1.0, float(np.median(patch.normals @ normal))) * normal)
+        name = f"patch {patch.primitive} flat"
+        result.append(Change(name, (i,), (supported(patch, surface, patch.xyz, patch.normals),)))
+    return result
+
+
 @dataclass(frozen=True)
 class _Profile:
     """A patch around an axis, its points in order along the profile.

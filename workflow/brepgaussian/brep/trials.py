@@ -16,7 +16,7 @@ from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import Shape, against, as_good, bears, calms, in_doubt, mends, shape_of, short_of, size
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
-from brepgaussian.brep.profiles import grooved, straightened
+from brepgaussian.brep.profiles import flattened, grooved, straightened
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import completed, fillets, roundings
 from brepgaussian.brep.sections import angular
@@ -191,7 +191,7 @@ class Trials:
         """Simpler solids; but what touches its neighbours has one free parameter, less than a plane."""
         patches, noise, seed = self.job.patches, self._noise(), self.job.settings.seed
         found = proposals(patches, noise, seed, self.best.attempt.surfaces)
-        found += facets_as_fillets(patches, noise, np.random.default_rng(seed))
+        found += [*facets_as_fillets(patches, noise, np.random.default_rng(seed)), *flattened(patches)]
         known = self._judged()
         found += [] if known is None else unshown(known[0], patches, known[1])
         rolled = {b.patch for b in self.job.blends}
