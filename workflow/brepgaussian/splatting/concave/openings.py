@@ -1,5 +1,6 @@
 """Where views disagree with a lid: openings in a plane or a smooth face of the hull."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +24,8 @@ _OFF_CELLS = 3.0  # over a face, its views are asked: off the hull's own roughne
 _LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
 _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
+_SURELY_SHARE = 0.3  # of them; beside walls that are a cell off, strips of a floor have .1-.2
+_LESS = 0.7  # of a region's cells are left by that, for it to be tried, too
 _OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 _BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
 SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
@@ -31,7 +34,8 @@ _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
 _ISLAND_SHARE = 0.5  # of a boss's top is face; in the rest a hole may be
 _RIM_SLOPE = 0.3  # tolerances per cell: a step of two grey levels, blurred by a cell, is steeper
-_RIM_CELLS = 2  # half the width of a blurred rim
+_RIM_CELLS = 2  # half the width of a blurred rim, at least
+_MOST_RIM_CELLS = 5
 OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
@@ -92,8 +96,12 @@ class Stack:
     @cached_property
     def refuted(self) -> NDArray[np.bool_]:
         """(R, C) cells about which views differ, but for the blur at the face's border."""
+        return self.refuted_by(_REFUTED_SHARE)
+
+    def refuted_by(self, share: float) -> NDArray[np.bool_]:
+        """(R, C) the same of cells about which a larger share of the views differs."""
         inner = ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
-        return np.asarray(ndimage.binary_closing((self.against > _REFUTED_SHARE) & inner, iterations=2))
+        return np.asarray(ndimage.binary_closing((self.against > share) & inner, iterations=2))
 
     def surface(self) -> Array:
         """(R, C, 3) places on the face below the lattice's cells."""
@@ -190,7 +198,22 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
         labels, count = ndimage.label(opened)
         found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
         outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
+    outlines += _surer(stack, outlines)
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]
+
+
+def _surer(stack: Stack, outlines: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
+    """(R, C) what more views refute of outlines that are much larger: a hole in a floor with strips along its walls."""
+    sure = ndimage.binary_fill_holes(stack.refuted_by(_SURELY_SHARE)) & stack.domain
+    labels, count = ndimage.label(ndimage.binary_opening(sure, iterations=OPENING_CELLS))
+    found = (labels == k for k in range(1, count + 1))
+    whole = [o.sum() for o in outlines]
+    return [
+        region
+        for region in found
+        if any((region & o).any() and region.sum() < _LESS * n for o, n in zip(outlines, whole, strict=True))
+        and not any((region & o).sum() > _LESS * max(region.sum(), n) for o, n in zip(outlines, whole, strict=True))
+    ]
 
 
 def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[np.bool_]]:
@@ -211,11 +234,22 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
     found = []
     for k in range(1, count + 1):
         region = ndimage.binary_opening(labels == k, iterations=OPENING_CELLS - 1)
-        outline = ndimage.binary_fill_holes(ndimage.binary_dilation(region, iterations=_RIM_CELLS))
+        outline = _to_its_rim(region, np.hypot(*slope))
         area = outline.sum() * stack.lattice.pitch**2
         if area >= least_area and not (outline & border).any():
             found.append(outline)
     return found
+
+
+def _to_its_rim(region: NDArray[np.bool_], slope: Array) -> NDArray[np.bool_]:
+    """A region (R, C) of one grey, widened to where the grey around it changes most."""
+    wide = [ndimage.binary_dilation(region, iterations=k) for k in range(1, _MOST_RIM_CELLS + 1)]
+    steep = [
+        float(slope[outer & ~inner].mean()) if (outer & ~inner).any() else 0.0
+        for inner, outer in itertools.pairwise(wide)
+    ]
+    best = max(_RIM_CELLS, 2 + int(np.argmax(steep)))
+    return np.asarray(ndimage.binary_fill_holes(wide[best - 1]))
 
 
 def beside_islands(
