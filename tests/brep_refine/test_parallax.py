@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.refine.parallax import displaced
-from brepgaussian.geometry.parallax import Looks, depths
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.splatting.parallax import Looks, depths
 from build123d import Axis, fillet
 from hypothesis import given
 from hypothesis import strategies as st

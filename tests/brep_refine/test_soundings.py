@@ -5,9 +5,9 @@ import pytest
 from brepgaussian.brep.refine.parameters import COUNT, update
 from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.structure import Face, Structure
-from brepgaussian.geometry.parallax import Depths
 from brepgaussian.geometry.surfaces import plane
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.splatting.parallax import Depths
 from refine_support import random_surface, surfaces_of, views_of
 
 FOOTPRINT = 0.002

@@ -11,9 +11,9 @@ from brepgaussian.brep.refine import refine, refinement, solve
 from brepgaussian.brep.refine.accept import Acceptance
 from brepgaussian.brep.refine.parallax import Displaced
 from brepgaussian.brep.refine.solve import Prior, State
-from brepgaussian.geometry.parallax import Depths
 from brepgaussian.geometry.surfaces import plane
 from brepgaussian.settings.brep import BrepSettings
+from brepgaussian.splatting.parallax import Depths
 from refine_support import start_of, surfaces_of, views_of
 
 

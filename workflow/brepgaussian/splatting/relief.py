@@ -2,7 +2,7 @@
 
 In inner corners, beside bosses and between ribs a hull bulges, and no lid is there that could be opened. But light
 that faces throw at each other gives such places gradients, and greys that follow the slant of the views tell how much
-deeper or higher the surface lies (`geometry.parallax`). What surely lies elsewhere is moved, with what is around it,
+deeper or higher the surface lies (`splatting.parallax`). What surely lies elsewhere is moved, with what is around it,
 and looked at again.
 """
 
@@ -15,12 +15,12 @@ from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from brepgaussian.geometry.parallax import Depths, Looks, depths
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave import Images
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import Face, assign
+from brepgaussian.splatting.parallax import Depths, Looks, depths
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -16,10 +16,10 @@ from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.observe import whole_images
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import CONCAVE, Structure
-from brepgaussian.geometry.parallax import Looks
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.agreement import advantage
 from brepgaussian.splatting.concave.radiance import differences
+from brepgaussian.splatting.parallax import Looks
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

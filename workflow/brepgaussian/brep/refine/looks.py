@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep.refine.visibility import Scene, look
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.chains import resample
-from brepgaussian.geometry.parallax import Looks
 from brepgaussian.splatting.concave import Images as Shown
+from brepgaussian.splatting.parallax import Looks
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

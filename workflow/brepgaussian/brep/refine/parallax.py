@@ -1,4 +1,4 @@
-"""Where a solid's surface lies too high or too low, told by parallax (`geometry.parallax`).
+"""Where a solid's surface lies too high or too low, told by parallax (`splatting.parallax`).
 
 Missing fillets and bulges show, which edges and silhouettes of inner corners do not.
 """
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from brepgaussian.brep.refine.looks import largest_areas, looks
 from brepgaussian.brep.refine.visibility import Scene
 from brepgaussian.brep.structure import Structure
-from brepgaussian.geometry.parallax import PLACE_PX, SIGMAS, Depths, depths
 from brepgaussian.splatting.concave import Images as Shown
+from brepgaussian.splatting.parallax import PLACE_PX, SIGMAS, Depths, depths
 
 Array = NDArray[np.float64]
 

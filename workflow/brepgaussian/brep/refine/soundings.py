@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from brepgaussian.brep.refine.parameters import derivative
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.fit_robust import MAD_TO_SIGMA, TUKEY
-from brepgaussian.geometry.parallax import Depths
 from brepgaussian.geometry.surfaces import Surface
+from brepgaussian.splatting.parallax import Depths
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

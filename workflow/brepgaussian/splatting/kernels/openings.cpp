@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "cholesky.h"
+
 namespace {
 
 constexpr int MOST_TERMS = 4;  // of a linear fit: one grey and its gradient
@@ -23,23 +25,6 @@ std::vector<int64_t> ordered(const std::vector<int64_t>& code, int64_t range) {
         order.swap(next);
     }
     return order;
-}
-
-// Solve a positive definite system (size x size, row-major rows of MOST_TERMS) in place by Cholesky's factors.
-void solve(double (*a)[MOST_TERMS], double* b, int size) {
-    for (int i = 0; i < size; ++i) {
-        for (int j = 0; j <= i; ++j) {
-            double sum = a[i][j];
-            for (int k = 0; k < j; ++k) sum -= a[i][k] * a[j][k];
-            a[i][j] = i == j ? std::sqrt(sum) : sum / a[j][j];
-        }
-        for (int k = 0; k < i; ++k) b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = size - 1; i >= 0; --i) {
-        for (int k = i + 1; k < size; ++k) b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
-    }
 }
 
 struct Map {
