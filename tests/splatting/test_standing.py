@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import standing
-from brepgaussian.splatting.concave.openings import LID, WALL, Stack, beside_islands, enclosed
+from brepgaussian.splatting.concave.enclosed import beside_islands, enclosed, to_rims
+from brepgaussian.splatting.concave.openings import LID, WALL, Stack, openings
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.sweep import directions
 from brepgaussian.splatting.concave.volume import Volume
@@ -84,6 +85,38 @@ def test_a_boss_in_a_pocket_is_left_out_of_its_floor(grey, agreed, found):
     for outline in outlines:
         wrong = (outline != (whole & ~disc)).sum()
         assert wrong < 2.5 * np.sqrt(4 * np.pi * disc.sum())  # cells along the boss's rim, whose blur has two
+
+
+def test_a_blurred_rim_is_where_the_grey_changes_most():
+    on = lattice(80)
+    away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
+    picture = (180 + 20 / (1 + np.exp((away - 0.1) / (0.8 * PITCH)))).astype(np.float32)  # light thrown on by walls
+    stack = Stack(
+        on,
+        np.ones((80, 80), bool),
+        np.full((8, 80, 80), LID, np.uint8),
+        np.repeat(picture[None], 8, axis=0),
+        np.zeros((80, 80)),
+    )
+    (rough,) = [r for r in enclosed(stack, 50 * PITCH**2, 1.5) if r[40, 40]]
+    (found,) = to_rims(stack, [rough], [])
+    disc = away < 0.1
+    assert rough.sum() < 0.8 * disc.sum()
+    assert found.sum() == pytest.approx(disc.sum(), rel=0.2)  # a cell of its radius, which the depth's search moves
+    assert to_rims(stack, [rough], [disc]) == []
+
+
+def test_a_hole_that_most_views_refute_is_told_from_strips_along_a_wall():
+    on = lattice(80)
+    away = np.linalg.norm(on.centers()[..., :2] - MIDDLE, axis=-1)
+    disc, strip = away < 0.08, np.zeros((80, 80), bool)
+    strip[6:74, 44:56] = True
+    shown = np.full((20, 80, 80), LID, np.uint8)
+    shown[:3, strip] = WALL  # walls that are a cell off
+    shown[:10, disc] = WALL
+    stack = Stack(on, np.ones((80, 80), bool), shown, np.full((20, 80, 80), 180.0, np.float32), np.zeros((80, 80)))
+    found = openings(stack, 50 * PITCH**2)
+    assert max((disc & o).sum() / (disc | o).sum() for o in found) > 0.9
 
 
 def test_channels_end_at_faces_that_look_away_from_each_other():

@@ -12,13 +12,12 @@ from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.deeper import is_whole, surely_deeper
 from brepgaussian.splatting.concave.depth import measured
+from brepgaussian.splatting.concave.enclosed import beside_islands, enclosed, to_rims
 from brepgaussian.splatting.concave.join import in_line, opposite
 from brepgaussian.splatting.concave.mouths import completed
 from brepgaussian.splatting.concave.openings import (
     Images,
     Stack,
-    beside_islands,
-    enclosed,
     is_framed,
     openings,
     rectify,
@@ -163,6 +162,7 @@ def _concavities(
         middle = tuple(n // 2 for n in stack.lattice.shape)
         outlines = [outline for outline in outlines if ndimage.binary_fill_holes(outline)[middle]]
     outlines = [outline for outline in outlines if is_framed(stack, outline) or (thin and rimmed(outline, stack))]
+    outlines += [outline for outline in to_rims(stack, regions, outlines) if is_framed(stack, outline)]
     if floor is not None:
         below = carried(floor.lattice, floor.outline, stack.lattice)
         outlines += beside_islands(stack, below, regions)

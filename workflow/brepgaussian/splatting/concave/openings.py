@@ -1,6 +1,5 @@
 """Where views disagree with a lid: openings in a plane or a smooth face of the hull."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,15 +26,11 @@ _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views on
 _SURELY_SHARE = 0.3  # of them; beside walls that are a cell off, strips of a floor have .1-.2
 _LESS = 0.7  # of a region's cells are left by that, for it to be tried, too
 _OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
-_BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
+BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
 SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
 _BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
-_ISLAND_SHARE = 0.5  # of a boss's top is face; in the rest a hole may be
-_RIM_SLOPE = 0.3  # tolerances per cell: a step of two grey levels, blurred by a cell, is steeper
-_RIM_CELLS = 2  # half the width of a blurred rim, at least
-_MOST_RIM_CELLS = 5
 OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
@@ -100,7 +95,7 @@ class Stack:
 
     def refuted_by(self, share: float) -> NDArray[np.bool_]:
         """(R, C) the same of cells about which a larger share of the views differs."""
-        inner = ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > _BORDER_CELLS
+        inner = ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > BORDER_CELLS
         return np.asarray(ndimage.binary_closing((self.against > share) & inner, iterations=2))
 
     def surface(self) -> Array:
@@ -171,7 +166,7 @@ def _look(
         seen = _visible(scene, cells, normals, center, off)
         if len(seen):
             grey[view, seen] = _sample(images, view, cells[seen])
-    shown = np.where(np.abs(grey - _consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
+    shown = np.where(np.abs(grey - consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
     return grey, shown
@@ -216,60 +211,7 @@ def _surer(stack: Stack, outlines: Sequence[NDArray[np.bool_]]) -> list[NDArray[
     ]
 
 
-def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[np.bool_]]:
-    """(R, C) outlines of regions that a step in the views' common grey encloses, whether or not views disagree.
-
-    An opening's rim lies on the plane, so that all views show it in one place; edges behind it smear out. A bore
-    under a bright floor may look the same from everywhere, but for its rim.
-    """
-    common = _consensus(stack.grey.reshape(len(stack.grey), -1)).reshape(stack.lattice.shape)
-    seen = np.isfinite(stack.grey).any(axis=0)
-    blurred = ndimage.gaussian_filter(np.where(seen, common, 0), 1.0)
-    weight = ndimage.gaussian_filter(seen.astype(float), 1.0)
-    slope = np.gradient(blurred / np.maximum(weight, 1e-3))
-    flat = (np.hypot(*slope) < _RIM_SLOPE * tolerance) & seen & stack.domain
-    labels, count = ndimage.label(ndimage.binary_erosion(flat))
-    border = ndimage.binary_dilation(~stack.domain | ~seen, iterations=int(_BORDER_CELLS) + 1)
-    border[[0, -1]] = border[:, [0, -1]] = True
-    found = []
-    for k in range(1, count + 1):
-        region = ndimage.binary_opening(labels == k, iterations=OPENING_CELLS - 1)
-        outline = _to_its_rim(region, np.hypot(*slope))
-        area = outline.sum() * stack.lattice.pitch**2
-        if area >= least_area and not (outline & border).any():
-            found.append(outline)
-    return found
-
-
-def _to_its_rim(region: NDArray[np.bool_], slope: Array) -> NDArray[np.bool_]:
-    """A region (R, C) of one grey, widened to where the grey around it changes most."""
-    wide = [ndimage.binary_dilation(region, iterations=k) for k in range(1, _MOST_RIM_CELLS + 1)]
-    steep = [
-        float(slope[outer & ~inner].mean()) if (outer & ~inner).any() else 0.0
-        for inner, outer in itertools.pairwise(wide)
-    ]
-    best = max(_RIM_CELLS, 2 + int(np.argmax(steep)))
-    return np.asarray(ndimage.binary_fill_holes(wide[best - 1]))
-
-
-def beside_islands(
-    stack: Stack, floor: NDArray[np.bool_], regions: Sequence[NDArray[np.bool_]]
-) -> list[NDArray[np.bool_]]:
-    """(R, C) outlines of a floor (R, C) without what stands in it: bosses that end below the pocket's rim.
-
-    Bosses are those of the `enclosed` regions (R, C) about which views agree.
-
-    Rays that pass a boss's top tell no deeper floor, so the pocket was opened down to it. There the boss is enclosed
-    by a step in grey, and views agree about it; about what lies beside it they may agree as well, if it has one grey.
-    """
-    floor = floor & stack.domain
-    found = [region for region in regions if float(_agreed(stack, region).mean()) >= _ISLAND_SHARE]
-    islands = [one for one in found if not any(one is not other and (one & ~other).sum() == 0 for other in found)]
-    together = [np.any(islands, axis=0)] if len(islands) > 1 else []
-    return [floor & ~island for island in [*together, *islands]]
-
-
-def _agreed(stack: Stack, region: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def agreed(stack: Stack, region: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(F,) about which cells of a region (R, C) nearly all views agree."""
     shown = stack.shown[:, region]  # (V, F)
     lid, seen = (shown == LID).sum(axis=0), (shown != UNSEEN).sum(axis=0)
@@ -300,10 +242,10 @@ def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
     A hull also has planar regions where no surface is; there every view shows something else, and what
     seems to be an opening has no frame.
     """
-    gap = int(_BORDER_CELLS)
+    gap = int(BORDER_CELLS)
     frame = ndimage.binary_dilation(outline, iterations=gap + _FRAME_CELLS)
     frame &= ~ndimage.binary_dilation(outline, iterations=gap)
-    same = stack.domain[frame] & _agreed(stack, frame)
+    same = stack.domain[frame] & agreed(stack, frame)
     return bool(frame.any()) and float(same.mean()) >= _FRAME_SHARE
 
 
@@ -325,7 +267,7 @@ def _sample(images: Images, view: int, points: Array) -> NDArray[np.float32]:
     return np.where(alpha > _OPAQUE, grey, np.where(alpha < _CLEAR, -1, np.nan)).astype(np.float32)
 
 
-def _consensus(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+def consensus(grey: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N,) the grey that half of the views of a cell show: its own where it is on a face, whatever light falls
     there; in an opening, that of one of the surfaces behind, which the other views then refute.
 
