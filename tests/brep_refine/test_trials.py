@@ -158,7 +158,7 @@ def test_what_a_mend_puts_right_is_simplified_again(part, monkeypatch, mended, e
         if mended:
             one.best = Polished(one.best.attempt, {"accepted": True})
 
-    for name, step in {"bordered": None, "_rounded": None, "_simplified": simplified, "_mended": mend}.items():
+    for name, step in {"bordered": None, "rounded": None, "_simplified": simplified, "_mended": mend}.items():
         monkeypatch.setattr(trials.Trials, name, step or (lambda one: None))
     best = Polished(Attempt("support", b"solid", Verdict((), iou=0.99)), {"accepted": True})
     job = make_job(*part, SETTINGS)

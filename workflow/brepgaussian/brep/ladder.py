@@ -13,6 +13,7 @@ from brepgaussian.brep.blends import blended, spare
 from brepgaussian.brep.borders import continuing, open_points
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
+from brepgaussian.brep.coplanar import coplanar
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
@@ -106,13 +107,14 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with rolled fillets, flat cones as planes, even pipes, without skins, with smooth fillets, planes for
-    curved walls, what symmetries carry, straight profiles, grooves, planes clear of cylinders that they touch.
+    """The job with rolled fillets, flat cones as planes, coplanar faces, even pipes, without skins, smooth fillets,
+    planes for curved walls, what symmetries carry, straight profiles, grooves, planes clear of what they touch.
     """
     yield from rolled(job, sigma)
     flat = flattened(job.patches)
     if flat:
         yield applied(job, flat)
+    yield from _changed(job, coplanar(job.patches))
     yield from _changed(job, even_tubes(job.patches, sigma))
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)
