@@ -10,6 +10,7 @@ from brepgaussian.artifacts.base import Provenance, create_h5, open_h5, put, req
 from brepgaussian.geometry.cameras import Cameras
 
 KIND = "views"
+OPAQUE, CLEAR = 250, 5  # alpha levels of surely object and surely background
 _LUMINANCE = np.array([0.299, 0.587, 0.114], np.float32)  # Rec. 601
 
 

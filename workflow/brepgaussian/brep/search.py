@@ -1,6 +1,6 @@
 """The search for the solid that the points and the images like best: rungs of the ladder, then simpler solids."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -207,21 +207,20 @@ class Search:
 
     def _bordered(self, best: Polished) -> Polished:
         """A refused solid with other borders beside its fillets: a smaller change than to start afresh."""
-        trials = self._trials(best)
-        if trials is None:
-            return best
-        better = trials.bordered()
-        self.job = trials.job
-        return better
+        return self._changed(best, Trials.bordered)
 
     def _rounded(self, best: Polished | None) -> Polished | None:
         """A refused solid of which edges and silhouettes are right with the fillets that it lacks."""
         if best is None or best.report.get("accepted") is not False or not outlined(best.report, self.job.settings):
             return best
+        return self._changed(best, Trials.rounded)
+
+    def _changed(self, best: Polished, change: Callable[[Trials], Polished]) -> Polished:
+        """A solid after one kind of trials, whose changes the search goes on with."""
         trials = self._trials(best)
         if trials is None:
             return best
-        better = trials.rounded()
+        better = change(trials)
         self.job = trials.job
         return better
 

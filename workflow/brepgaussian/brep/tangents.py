@@ -56,14 +56,12 @@ def cleared(patches: Sequence[Patch], noise: float = 0.0) -> list[Patch]:
                 continue
             normal = unit(surface.axis - (surface.axis @ axis) * axis)
             gap = float((surface.origin - round_.surface.origin) @ normal) - round_.surface.radius
+            if abs(gap) >= _NEAR * max(wall.sigma, noise):
+                continue
             meeting = wall.xyz[tree.query(wall.xyz)[0] <= 2 * max(wall.reach, round_.reach)] @ axis
-            if abs(gap) < _NEAR * max(wall.sigma, noise) and len(meeting) and np.ptp(meeting) < _length(round_):
+            if len(meeting) and np.ptp(meeting) < _POINT * round_.surface.radius + 2 * round_.reach:
                 result[k] = replace(wall, surface=plane(surface.origin + (_CLEAR - gap) * normal, normal))
     return result
-
-
-def _length(round_: Patch) -> float:
-    return _POINT * round_.surface.radius + 2 * round_.reach
 
 
 def _touching(wall: Patch, patches: Sequence[Patch], round_: Surface, near: float) -> Surface | None:

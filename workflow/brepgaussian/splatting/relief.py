@@ -15,6 +15,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from brepgaussian.artifacts.views import OPAQUE
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave import Images
 from brepgaussian.splatting.concave.scene import Scene
@@ -27,7 +28,6 @@ Bools = NDArray[np.bool_]
 
 _STRIDE_PX = 2  # between pixels that are asked, more
 _MOST_RAYS = 1_000_000  # where there are more clear pixels than these by far
-_OPAQUE = 250  # alpha of a pixel that is surely object
 _CLEAR_PX = 2.5  # from borders of the masks' regions, where a pixel shows two faces
 _LEAST_FACING = 0.25  # cosine between a ray and the normal: at a graze a pixel is many places
 _SIDES_PX = (12.0, 8.0, 5.0)  # of places, one after the other: large ones tell more, small ones more sharply
@@ -85,7 +85,7 @@ class _Surface:
 def _clear(regions: NDArray[np.integer], alpha: NDArray[np.uint8]) -> Bools:
     """(H, W) pixels clear of the borders of regions and of the silhouette."""
     same = ndimage.minimum_filter(regions, 3) == ndimage.maximum_filter(regions, 3)
-    within: Bools = ndimage.distance_transform_edt(same & (regions > 0) & (alpha > _OPAQUE)) > _CLEAR_PX
+    within: Bools = ndimage.distance_transform_edt(same & (regions > 0) & (alpha > OPAQUE)) > _CLEAR_PX
     return within
 
 

@@ -6,6 +6,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from brepgaussian.artifacts.views import OPAQUE
 from brepgaussian.brep.refine.visibility import Scene, look
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.chains import resample
@@ -15,7 +16,6 @@ from brepgaussian.splatting.parallax import Looks
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_OPAQUE = 250  # alpha of a pixel that is surely object
 _CLEAR_PX = 2.5  # footprints from all edges, where a pixel shows two faces or the edge may be off
 _LEAST_FACING = 0.25  # cosine between a ray and the normal: at a graze a pixel is many places
 _NEIGHBOUR = 2.3  # places apart: one that nobody asked may lie between
@@ -32,7 +32,7 @@ def looks(scene: Scene, structure: Structure, shown: Shown, poses: Array, stride
         stride: pixels from one ray to the next.
     """
     cameras = shown.views.cameras
-    found = (np.nonzero(alpha[::stride, ::stride] > _OPAQUE) for alpha in shown.views.alpha)
+    found = (np.nonzero(alpha[::stride, ::stride] > OPAQUE) for alpha in shown.views.alpha)
     at = [np.column_stack([np.full(len(rows), k), stride * rows, stride * columns])
           for k, (rows, columns) in enumerate(found)]  # fmt: skip
     view, row, column = np.concatenate(at).T

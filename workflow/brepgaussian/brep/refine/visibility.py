@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.artifacts.views import CLEAR, OPAQUE
 from brepgaussian.brep.refine.mesh import FaceMesh
 from brepgaussian.brep.refine.samples import Rays
 from brepgaussian.brep.structure import Structure
@@ -20,7 +21,6 @@ KINDS = ("crease", "silhouette", "occluding")
 NEAR_PX, FAR_PX = 1.5, 4.5  # distances from the edge at which rays test what lies beside it
 SLIVER_PX = (0.3, 0.8)  # and these tell whether it reaches up to the edge; the triangulation is good to .06 px
 _DEPTH_PX = 12.0  # a hit this much nearer or farther than the sample, in pixel footprints, is another place
-_OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 ASTRAY_PX = 2  # wrong pixels this far from a silhouette's border are no matter of precision
 _NOTHING = -1
 _SIDES = (-1.0, 1.0)  # of an edge, along its image normal
@@ -209,7 +209,7 @@ def _clear_of_borders(alpha: NDArray[np.uint8], rows: Indices, columns: Indices)
     y = np.clip(rows[:, None, None] + around[:, None], 0, alpha.shape[0] - 1)
     x = np.clip(columns[:, None, None] + around, 0, alpha.shape[1] - 1)
     window = alpha[y, x]
-    return int(((window >= _OPAQUE).all(axis=(1, 2)) | (window <= _CLEAR).all(axis=(1, 2))).sum())
+    return int(((window >= OPAQUE).all(axis=(1, 2)) | (window <= CLEAR).all(axis=(1, 2))).sum())
 
 
 def group_names(structure: Structure, groups: Indices) -> list[str]:

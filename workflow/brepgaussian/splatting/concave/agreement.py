@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from brepgaussian.artifacts.views import OPAQUE
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.radiance import differences
@@ -15,7 +16,6 @@ from brepgaussian.splatting.concave.shapes import Costs
 Array = NDArray[np.float64]
 
 _STRIDE_PX = 4
-_OPAQUE = 250  # alpha of a pixel that is surely object
 _PLACE_PX = 6.0  # side of a place; within it, radiance changes linearly
 _CAP = 3.0  # tolerances; greater differences (another surface is in the way) count no more than this
 _NORMAL_BINS = 2.0  # faces that meet at an edge are different places
@@ -85,7 +85,7 @@ def rays_at_object(images: Images, stride: int = _STRIDE_PX) -> Rays:
     views = images.views
     origins, directions, greys = [], [], []
     for view, alpha in enumerate(views.alpha):
-        rows, columns = np.nonzero(alpha[::stride, ::stride] > _OPAQUE)
+        rows, columns = np.nonzero(alpha[::stride, ::stride] > OPAQUE)
         rows, columns = rows * stride, columns * stride
         center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
         origins.append(np.broadcast_to(center, ray.shape))

@@ -4,6 +4,8 @@ An opening that takes up all of a floor is no other concavity: it is the depth o
 the few rays that reach it, of which those along its border show walls as well. All rays through the mouth decide.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import ndimage
 
@@ -50,7 +52,7 @@ def surely_deeper(images: Images, scene: Scene, floor: Prism, prism: Prism) -> b
     opening.keep_clear(_CLEAR_CELLS)
     sink, step = floor.sink / lattice.pitch, floor.step / lattice.pitch
     flat = Shape(floor.depth / lattice.pitch, draft=floor.draft, tilt=floor.tilt, sink=sink, step=step)
-    deeper = Shape(deep, draft=floor.draft, tilt=floor.tilt, through=prism.through, sink=sink, step=step)
+    deeper = replace(flat, depth=deep, through=prism.through)
     told = opening.advantage(opening.costs(flat), opening.costs(deeper))
     logger.info(
         "floor of area %.4f, %.4f deep, deeper by %.4f: by %.1f standard errors%s",

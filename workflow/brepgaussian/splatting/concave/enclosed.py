@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.splatting.concave.openings import BORDER_CELLS, OPENING_CELLS, Stack, agreed, consensus
-
-Array = NDArray[np.float64]
+from brepgaussian.splatting.concave.openings import BORDER_CELLS, OPENING_CELLS, Stack, agreed
 
 _ISLAND_SHARE = 0.5  # of a boss's top is face; in the rest a hole may be
 _RIM_SLOPE = 0.3  # tolerances per cell: a step of two grey levels, blurred by a cell, is steeper
@@ -24,8 +22,8 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
     An opening's rim lies on the plane, so that all views show it in one place; edges behind it smear out. A bore
     under a bright floor may look the same from everywhere, but for its rim.
     """
-    slope, seen = _slope(stack)
-    flat = (slope < _RIM_SLOPE * tolerance) & seen & stack.domain
+    seen = np.isfinite(stack.grey).any(axis=0)
+    flat = (stack.slope < _RIM_SLOPE * tolerance) & seen & stack.domain
     labels, count = ndimage.label(ndimage.binary_erosion(flat))
     border = ndimage.binary_dilation(~stack.domain | ~seen, iterations=int(BORDER_CELLS) + 1)
     border[[0, -1]] = border[:, [0, -1]] = True
@@ -39,15 +37,6 @@ def enclosed(stack: Stack, least_area: float, tolerance: float) -> list[NDArray[
     return found
 
 
-def _slope(stack: Stack) -> tuple[Array, NDArray[np.bool_]]:
-    """(R, C) how fast the views' common grey changes, blurred by a cell, and (R, C) what any of them sees."""
-    common = consensus(stack.grey.reshape(len(stack.grey), -1)).reshape(stack.lattice.shape)
-    seen = np.isfinite(stack.grey).any(axis=0)
-    blurred = ndimage.gaussian_filter(np.where(seen, common, 0), 1.0)
-    weight = ndimage.gaussian_filter(seen.astype(float), 1.0)
-    return np.hypot(*np.gradient(blurred / np.maximum(weight, 1e-3))), np.asarray(seen)
-
-
 def to_rims(
     stack: Stack, regions: Sequence[NDArray[np.bool_]], known: Sequence[NDArray[np.bool_]]
 ) -> list[NDArray[np.bool_]]:
@@ -55,12 +44,11 @@ def to_rims(
 
     On a floor that walls light, a rim is blurred by more than a few cells.
     """
-    slope = _slope(stack)[0]
     found = []
     for region in regions:
         wide = [ndimage.binary_dilation(region, iterations=k) for k in range(_MOST_RIM_CELLS + 1)]
         rings = [outer & ~inner for inner, outer in itertools.pairwise(wide)]
-        best = wide[1 + int(np.argmax([slope[ring].mean() if ring.any() else 0.0 for ring in rings]))]
+        best = wide[1 + int(np.argmax([stack.slope[ring].mean() if ring.any() else 0.0 for ring in rings]))]
         if not any((best & other).sum() > _SAME_SHARE * (best | other).sum() for other in known):
             found.append(best)
     return found

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.artifacts.views import Views
+from brepgaussian.artifacts.views import CLEAR, OPAQUE, Views
 from brepgaussian.splatting.concave.contours import contour_rays
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
@@ -25,7 +25,6 @@ _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 _REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
 _SURELY_SHARE = 0.3  # of them; beside walls that are a cell off, strips of a floor have .1-.2
 _LESS = 0.7  # of a region's cells are left by that, for it to be tried, too
-_OPAQUE, _CLEAR = 250, 5  # alpha levels of surely object and surely background
 BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
 SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
 _BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
@@ -95,8 +94,20 @@ class Stack:
 
     def refuted_by(self, share: float) -> NDArray[np.bool_]:
         """(R, C) the same of cells about which a larger share of the views differs."""
-        inner = ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > BORDER_CELLS
-        return np.asarray(ndimage.binary_closing((self.against > share) & inner, iterations=2))
+        return np.asarray(ndimage.binary_closing((self.against > share) & self._inner, iterations=2))
+
+    @cached_property
+    def _inner(self) -> NDArray[np.bool_]:
+        return np.asarray(ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > BORDER_CELLS)
+
+    @cached_property
+    def slope(self) -> Array:
+        """(R, C) how fast the views' common grey changes from cell to cell, blurred by one."""
+        common = _consensus(self.grey.reshape(len(self.grey), -1)).reshape(self.lattice.shape)
+        seen = np.isfinite(self.grey).any(axis=0)
+        blurred = ndimage.gaussian_filter(np.where(seen, common, 0), 1.0)
+        weight = ndimage.gaussian_filter(seen.astype(float), 1.0)
+        return np.hypot(*np.gradient(blurred / np.maximum(weight, 1e-3)))
 
     def surface(self) -> Array:
         """(R, C, 3) places on the face below the lattice's cells."""
@@ -166,7 +177,7 @@ def _look(
         seen = _visible(scene, cells, normals, center, off)
         if len(seen):
             grey[view, seen] = _sample(images, view, cells[seen])
-    shown = np.where(np.abs(grey - consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
+    shown = np.where(np.abs(grey - _consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
     return grey, shown
@@ -199,6 +210,8 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
 
 def _surer(stack: Stack, outlines: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
     """(R, C) what more views refute of outlines that are much larger: a hole in a floor with strips along its walls."""
+    if not outlines:
+        return []
     sure = ndimage.binary_fill_holes(stack.refuted_by(_SURELY_SHARE)) & stack.domain
     labels, count = ndimage.label(ndimage.binary_opening(sure, iterations=OPENING_CELLS))
     found = (labels == k for k in range(1, count + 1))
@@ -264,10 +277,10 @@ def _sample(images: Images, view: int, points: Array) -> NDArray[np.float32]:
     at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
     alpha = ndimage.map_coordinates(images.views.alpha[view], at, order=1, output=np.float32)
     grey = ndimage.map_coordinates(images.luminance[view], at, order=1, output=np.float32)
-    return np.where(alpha > _OPAQUE, grey, np.where(alpha < _CLEAR, -1, np.nan)).astype(np.float32)
+    return np.where(alpha > OPAQUE, grey, np.where(alpha < CLEAR, -1, np.nan)).astype(np.float32)
 
 
-def consensus(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+def _consensus(grey: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N,) the grey that half of the views of a cell show: its own where it is on a face, whatever light falls
     there; in an opening, that of one of the surfaces behind, which the other views then refute.
 

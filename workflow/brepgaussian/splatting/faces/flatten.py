@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.artifacts.views import Views
+from brepgaussian.artifacts.views import OPAQUE, Views
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.openings import Images
@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
 
 _SLACK_CELLS = 2.0  # a bulge is cut this much higher than its samples reach
-_OPAQUE = 250  # alpha of a pixel that is surely object
 _NEEDED_VIEWS = 2  # in which nothing else explains the silhouette where a bulge was
 _NEEDED_SHARE = 0.05  # of a bulge's samples: then it was none,
 # unless that is high and stands on so little of the face: feet of ribs (gusset .059), not fillets (stepped_shaft .122)
@@ -227,7 +226,7 @@ def _needed(views: Views, samples: Array, after: Scene) -> NDArray[np.bool_]:
         pixels = np.floor(views.cameras.project(view, samples)[0]).astype(int)
         inside = (pixels >= 0).all(1) & (pixels[:, 0] < width_px) & (pixels[:, 1] < height_px)
         opaque = np.zeros(len(samples), bool)
-        opaque[inside] = views.alpha[view, pixels[inside, 1], pixels[inside, 0]] >= _OPAQUE
+        opaque[inside] = views.alpha[view, pixels[inside, 1], pixels[inside, 0]] >= OPAQUE
         ray = samples[opaque] - center
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         needed[opaque] += ~after.occluded(np.broadcast_to(center, ray.shape), ray)
