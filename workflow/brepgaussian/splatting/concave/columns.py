@@ -11,6 +11,7 @@ from scipy import ndimage
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.sample import sample
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -71,8 +72,8 @@ class Columns:
         base = u[:, None, None] * first + v[None, :, None] * second
         columns = np.empty((len(w), len(u), len(v)), np.float32)
         for k, height in enumerate(w):
-            index = ((base + height * normal - origin) / spacing).reshape(-1, 3).T
-            columns[k] = ndimage.map_coordinates(hull.field, index, order=1, cval=-spacing).reshape(len(u), len(v))
+            index = ((base + height * normal - origin) / spacing).reshape(-1, 3)
+            columns[k] = sample(hull.field, index, -spacing).reshape(len(u), len(v))
         start = (u[0] - spacing / 2) * first + (v[0] - spacing / 2) * second
         lattice = Lattice(start, first, second, normal, spacing / FINER, (FINER * len(u), FINER * len(v)))
         return cls(lattice, w, columns, spacing)

@@ -12,6 +12,7 @@ from brepgaussian.artifacts.views import CLEAR, OPAQUE, Views
 from brepgaussian.splatting.concave.contours import contour_rays
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.sample import sample
 from brepgaussian.views.noise import noise_of
 
 Array = NDArray[np.float64]
@@ -274,9 +275,8 @@ def _visible(scene: Scene, cells: Array, normals: Array, center: Array, off: flo
 def _sample(images: Images, view: int, points: Array) -> NDArray[np.float32]:
     """(N,) grey level, -1 on background, NaN on the silhouette's border."""
     pixels, _ = images.views.cameras.project(view, points)
-    at = [pixels[:, 1] - 0.5, pixels[:, 0] - 0.5]
-    alpha = ndimage.map_coordinates(images.views.alpha[view], at, order=1, output=np.float32)
-    grey = ndimage.map_coordinates(images.luminance[view], at, order=1, output=np.float32)
+    at = pixels[:, ::-1] - 0.5
+    alpha, grey = sample(images.views.alpha[view], at), sample(images.luminance[view], at)
     return np.where(alpha > OPAQUE, grey, np.where(alpha < CLEAR, -1, np.nan)).astype(np.float32)
 
 

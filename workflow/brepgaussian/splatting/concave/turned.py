@@ -19,6 +19,7 @@ from brepgaussian.splatting.concave.planes import planar_regions
 from brepgaussian.splatting.concave.prism import plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.sample import sample
 from brepgaussian.splatting.mesh import vertex_normals
 
 Array = NDArray[np.float64]
@@ -175,8 +176,8 @@ class _Section:
         for k, angle in enumerate(2 * np.pi * np.arange(_ANGLES) / _ANGLES):
             out = np.cos(angle) * first + np.sin(angle) * second
             points = axis.through + r[:, None, None] * out + z[None, :, None] * axis.direction
-            index = ((points - origin) / spacing).reshape(-1, 3).T
-            stack[k] = ndimage.map_coordinates(field, index, order=1, cval=-spacing).reshape(len(r), len(z))
+            index = ((points - origin) / spacing).reshape(-1, 3)
+            stack[k] = sample(field, index, -spacing).reshape(len(r), len(z))
         emptiest = np.quantile(stack, share, axis=0)
         passed_by = _one_sided(stack < 0) & (not one_sided)
         self.least = np.where(passed_by, np.median(stack, axis=0), emptiest).astype(np.float32)
@@ -212,7 +213,6 @@ class _Section:
         for k, x in enumerate(steps[0]):  # a slice at a time keeps memory low
             flat = np.stack(np.meshgrid([x], steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 3)
             radius, height = self.axis.cylindrical(flat)
-            index = np.stack([radius, height - self.low]) / self.spacing
-            value = ndimage.map_coordinates(profile, index, order=1, cval=beyond)
+            value = sample(profile, np.column_stack([radius, height - self.low]) / self.spacing, beyond)
             opened[k] = np.minimum(opened[k], value.reshape(opened[k].shape))
         return hull.with_field(opened)
