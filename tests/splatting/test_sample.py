@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from brepgaussian.splatting.sample import sample
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
-
-from brepgaussian.splatting.sample import sample
 
 
 @given(

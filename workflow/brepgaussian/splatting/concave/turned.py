@@ -19,8 +19,8 @@ from brepgaussian.splatting.concave.planes import planar_regions
 from brepgaussian.splatting.concave.prism import plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.sample import sample
 from brepgaussian.splatting.mesh import vertex_normals
+from brepgaussian.splatting.sample import sample
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
