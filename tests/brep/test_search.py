@@ -145,3 +145,22 @@ def test_two_explanations_that_come_to_the_same_solid_end_the_search():
     assert compared(better) == (better, 1)
     assert compared(judged(6, accepted=False))[1] == 2
     assert compared(judged(7))[1] == 2
+
+
+def doubted(few):
+    """How many of two other explanations are asked for beside an accepted solid that explains one label not at all."""
+    points = [SimpleNamespace(xyz=np.zeros((n, 3)), surface=SimpleNamespace(kind="plane")) for n in (1000, few)]
+    job = replace(explanation(2), patches=tuple(points))
+    one, asked, best = search(), [], judged(6, doubts=("patch 1 is explained to 0%",))
+    one.job = job
+    best = replace(best, attempt=replace(best.attempt, verdict=replace(best.attempt.verdict, explained=(1.0, 0.0))))
+    one.others = (asked.append(k) or job for k in range(2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Search, "_first", lambda self, names: best)
+        one._against_others(best)
+    return len(asked)
+
+
+def test_a_label_of_few_points_that_has_no_face_in_two_explanations_ends_the_search():
+    assert doubted(few=10) == 1
+    assert doubted(few=500) == 2

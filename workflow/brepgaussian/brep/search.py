@@ -88,7 +88,7 @@ class Search:
             fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
             kinds = " ".join(p.surface.kind for p in job.patches)
             get_logger("brep").info("afresh as %s: %s", kinds, fault or "taken")
-            if found is not None and best is not None and _same(found, best) and _beyond_doubt(best, winner.job):
+            if found is not None and best is not None and _same(found, best) and winner._hardly_doubted(best):
                 get_logger("brep").info("two explanations come to the same solid")
                 if _beyond_doubt(found, job) and self._badness(found) < self._badness(best):
                     winner, best = search, found
@@ -152,14 +152,28 @@ class Search:
 
     def _promising(self, attempt: Attempt) -> bool:
         """Whether the images may settle what doubts there are: all of them are about patches of few points."""
-        verdict, settings = attempt.verdict, self.job.settings
-        if self.views is None or not settings.refine or attempt.shape is None or verdict.hints:
+        verdict = attempt.verdict
+        if self.views is None or not self.job.settings.refine or attempt.shape is None or verdict.hints:
             return False
-        if not verdict.doubts or (verdict.iou is not None and verdict.iou < settings.gate_iou):
+        return bool(verdict.doubts) and self._about_few(verdict)
+
+    def _about_few(self, verdict: Verdict) -> bool:
+        """Whether all doubts are about patches of few points."""
+        settings = self.job.settings
+        if verdict.iou is not None and verdict.iou < settings.gate_iou:
             return False
         sizes = np.array([len(p.xyz) for p in self.job.patches], float)
         low = np.array(verdict.explained[: len(sizes)]) < settings.gate_explained
         return bool(sizes[low].sum() <= _SMALL * sizes.sum())
+
+    def _hardly_doubted(self, best: Polished) -> bool:
+        """Whether nothing speaks against a solid, or a few points do and the images don't.
+
+        Labels of few points may be of no face at all: where two explanations come to one solid without them, others
+        will, too.
+        """
+        accepted = bool(best.report.get("accepted"))
+        return _beyond_doubt(best, self.job) or (accepted and self._about_few(best.attempt.verdict))
 
     def publishable(self) -> list[Attempt]:
         """Solids that beat the polyhedral fallback, doubts or not."""
