@@ -157,6 +157,7 @@ def doubted(few):
     one.others = (asked.append(k) or job for k in range(2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Search, "_first", lambda self, names: best)
+        patch.setattr("brepgaussian.brep.search._worse", lambda *_: "the images agree little better")
         one._against_others(best)
     return len(asked)
 
