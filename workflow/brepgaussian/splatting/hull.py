@@ -19,6 +19,7 @@ from brepgaussian.splatting.concave import (
     open_concavities,
     open_corners,
     open_recesses,
+    refilled,
     widen,
 )
 from brepgaussian.splatting.concave.volume import Volume
@@ -136,13 +137,15 @@ def carve(
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
-            volume = open_corners(images, volume, [-face.lattice.normal for face in faces])
+            uncut, volume = volume, open_corners(images, volume, [-face.lattice.normal for face in faces])
+            cornered = volume
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, more, bends = open_concavities(images, volume, planes)
             volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces])
             # last: what rays tell goes before what is likely
             volume, wider = widen(images, volume, planes, more)
             prisms += more + recesses + wider
+            volume = refilled(images, uncut, cornered, volume, prisms)
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)
             if volume is not before:

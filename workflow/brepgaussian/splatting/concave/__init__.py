@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.recess import open_recesses
+from brepgaussian.splatting.concave.refill import refilled
 from brepgaussian.splatting.concave.widening import widen
 
 __all__ = [
@@ -26,5 +27,6 @@ __all__ = [
     "open_concavities",
     "open_corners",
     "open_recesses",
+    "refilled",
     "widen",
 ]

@@ -19,7 +19,7 @@ from brepgaussian.splatting.concave.shoulders import with_shoulders
 from brepgaussian.splatting.concave.sweep import Outlined, straighten
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
-from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.concave.volume import MARGIN_CELLS, Volume
 from brepgaussian.splatting.concave.walls import agreed, drawn
 
 _LEVELS = 3
@@ -28,7 +28,6 @@ _LEAST_RAYS = 100  # that tell, for them to judge
 _MOST_MET = 0.16  # of the rays contradict a deep blind opening with nothing in it: true ones have up to .07, more
 # where bosses stand in them; a strip that lay below its fillet had .18
 _DEEP_CELLS = 14  # of shallower ones, rays that hit the blur of a rim count for more: up to .17
-_MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
 
 logger = log.get_logger("stage1")
 
@@ -72,11 +71,11 @@ def open_concavities(
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
-        margins = [_MARGIN_CELLS * hull.spacing + prism.above for prism in known]
+        margins = [MARGIN_CELLS * hull.spacing + prism.above for prism in known]
         for k in fresh:
             known[k] = drawn(images, scene, hull, known[k], margins[k])
         known = agreed(known)
-        straight, found_bends = bent(images, hull, [known[k] for k in fresh], _MARGIN_CELLS * hull.spacing)
+        straight, found_bends = bent(images, hull, [known[k] for k in fresh], MARGIN_CELLS * hull.spacing)
         ends = {k for k, end in zip(fresh, straight, strict=True) if end is not known[k]}
         for k, prism in zip(fresh, straight, strict=True):
             known[k] = prism
@@ -106,11 +105,11 @@ def open_concavities(
     for k, prism in enumerate(known):
         further = onward(images, scene, 2 * hull.spacing, prism, known)
         if further is not prism:
-            known[k], hull = further, hull.without(further, _MARGIN_CELLS * hull.spacing)
+            known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
             scene = hull.scene()
     for found_prism in find_curved(images, scene, hull.spacing, known):
-        prism = drawn(images, scene, hull, found_prism, _MARGIN_CELLS * hull.spacing)
-        opened = hull.without(prism, _MARGIN_CELLS * hull.spacing)
+        prism = drawn(images, scene, hull, found_prism, MARGIN_CELLS * hull.spacing)
+        opened = hull.without(prism, MARGIN_CELLS * hull.spacing)
         after = opened.scene()
         if _agreeable(images, scene, after, prism, 2 * hull.spacing):
             hull, scene = opened, after

@@ -12,6 +12,7 @@ from brepgaussian.splatting.concave.scene import Scene
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
+MARGIN_CELLS = 2.0  # a concavity is cut this far out of its opening, so that no skin of the lid remains
 _MARGIN_VOXELS = 4.0  # around a prism in which the field follows it
 
 
