@@ -122,7 +122,7 @@ def _gone(scene: Scene, stack: Stack) -> Outline:
         return np.zeros(stack.domain.shape, bool)
     within = convex_hull_image(stack.domain) & ~stack.domain
     open_ = np.zeros(within.shape, bool)
-    open_[within] = scene.signed_distance(stack.lattice.centers()[within]) > _GONE_CELLS * pitch
+    open_[within] = scene.near(stack.lattice.centers()[within], _GONE_CELLS * pitch) == np.inf
     labels, _ = ndimage.label(ndimage.binary_dilation(open_, iterations=int(_GONE_CELLS)) & within)
     beside = ndimage.binary_dilation(stack.refuted, iterations=_TOUCH_CELLS)
     touching = np.unique(labels[beside & (labels > 0)])

@@ -101,7 +101,7 @@ def _refuted(images: Images, scene: Scene, prism: Prism, cells: NDArray[np.bool_
     """Median share of the views that show something else than the others at cells (R, C) of the face behind a hole."""
     normal = -prism.lattice.normal
     places = prism.lattice.centers()[cells] + depth * normal
-    on_face = np.abs(scene.signed_distance(places)) < _FLAT_CELLS * prism.lattice.pitch
+    on_face = np.isfinite(scene.near(places, _FLAT_CELLS * prism.lattice.pitch))
     places = places[on_face]
     if not len(places):
         return 0.0

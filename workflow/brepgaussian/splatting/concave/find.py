@@ -132,7 +132,7 @@ def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, p
     middle = places.mean(axis=0)[None]
     if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in known):
         return True
-    return bool((np.abs(scene.signed_distance(places)) < 2 * pitch).mean() < _LID_SHARE)
+    return bool(np.isfinite(scene.near(places, 2 * pitch)).mean() < _LID_SHARE)
 
 
 def _concavities(

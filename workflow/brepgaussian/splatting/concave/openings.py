@@ -131,7 +131,7 @@ def rectify(images: Images, scene: Scene, lattice: Lattice, relief: Array | None
     normals = lattice.normal + slopes[0][..., None] * lattice.first + slopes[1][..., None] * lattice.second
     normals = (normals / np.linalg.norm(normals, axis=-1, keepdims=True)).reshape(-1, 3)
     slack = 2.5 * lattice.pitch
-    distance = scene.signed_distance(cells)
+    distance = scene.near(cells, slack)
     on_hull = (np.abs(distance) < slack).reshape(lattice.shape)
     domain = ndimage.binary_fill_holes(on_hull) & (distance > -slack).reshape(lattice.shape)
     return _stack(images, scene, lattice, domain, relief, normals)

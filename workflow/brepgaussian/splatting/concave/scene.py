@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from brepgaussian.splatting.mesh import vertex_normals
 
@@ -28,6 +29,32 @@ class Scene:
         if not len(points):
             return np.zeros(0, np.float32)
         return self._scene.compute_signed_distance(_tensor(points, np.float32)).numpy()
+
+    def inside(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) which of (N, 3) points lie inside: much faster than their distances."""
+        if not len(points):
+            return np.zeros(0, bool)
+        return np.asarray(self._scene.compute_occupancy(_tensor(points, np.float32)).numpy() > 0)
+
+    def near(self, points: NDArray[np.floating], reach: float) -> NDArray[np.float32]:
+        """(N,) signed distances of (N, 3) points where less than `reach`, infinite with their sign elsewhere."""
+        if not len(points):
+            return np.zeros(0, np.float32)
+        near = np.isfinite(self._tree.query(points, distance_upper_bound=reach + self._longest)[0])
+        distance = np.full(len(points), np.inf, np.float32)
+        distance[near] = self.signed_distance(points[near])
+        distance[~near] = np.where(self.inside(points[~near]), -np.inf, np.inf)
+        return np.where(np.abs(distance) < reach, distance, np.copysign(np.inf, distance)).astype(np.float32)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.vertices)
+
+    @cached_property
+    def _longest(self) -> float:
+        """Length of the longest edge: no place on a triangle is farther from all of its corners."""
+        corners = self.vertices[self.triangles]
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(initial=0.0))
 
     def occluded(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether rays from (N, 3) origins along (N, 3) unit directions hit anything."""

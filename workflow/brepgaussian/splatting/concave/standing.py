@@ -95,5 +95,5 @@ def _section(stack: Stack, scene: Scene, within: Outline, height: float) -> Outl
     """(R, C) cells over which the hull is solid at some height."""
     solid = np.zeros(within.shape, bool)
     cells = stack.lattice.centers()[within] + height * stack.lattice.normal
-    solid[within] = scene.signed_distance(cells) < 0
+    solid[within] = scene.inside(cells)
     return solid

@@ -36,7 +36,7 @@ def concavity_edges(views: Views, scene: Scene, prisms: Sequence[Prism], cloud: 
     if not parts:
         return cloud
     points, directions = (np.concatenate(column) for column in zip(*parts, strict=True))
-    on_hull = np.abs(scene.signed_distance(points)) < _ON_HULL  # another concavity may have cut an edge away
+    on_hull = np.isfinite(scene.near(points, _ON_HULL))  # another concavity may have cut an edge away
     return cloud.completed(views.cameras, scene, points[on_hull], directions[on_hull])
 
 

@@ -135,7 +135,7 @@ def _directions(faces: Sequence[Face]) -> list[Array]:
 
 def _moved(points: Array, before: Scene, spacing: float) -> bool:
     """Whether a good part of (N, 3) points on a hull lies off the hull as it was."""
-    off = np.abs(before.signed_distance(points)) > _MOVED_VOXELS * spacing
+    off = np.isinf(before.near(points, _MOVED_VOXELS * spacing))
     return bool(off.mean() >= _MOVED_SHARE)
 
 

@@ -67,4 +67,4 @@ def _holes(outline: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
 def _standing(scene: Scene, face: Face, hole: NDArray[np.bool_], height: float) -> NDArray[np.bool_]:
     """(C,) over which cells of a hole the hull reaches that high above the plane."""
     above = face.lattice.centers()[hole] + height * face.lattice.normal
-    return np.asarray(scene.signed_distance(above) < 0)
+    return scene.inside(above)
