@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _STRIDE_PX = 4
 _PLACE_PX = 6.0  # side of a place; within it, radiance changes linearly
+_ONE_SURFACE = 0.05  # tolerances by which rays differ at most that hit one and the same place of a true surface
 _CAP = 3.0  # tolerances; greater differences (another surface is in the way) count no more than this
 _NORMAL_BINS = 2.0  # faces that meet at an edge are different places
 
@@ -107,22 +108,48 @@ def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> 
         Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays whose places
         are met by enough others to tell anything.
     """
-    rays = rays_at_object(images)
-    origin, direction, grey, side = rays.origin, rays.direction, rays.grey, rays.side
-    (first, normal), (second, inner) = before.hits(origin, direction), after.hits(origin, direction)
-    met = np.isfinite(first)
-    changed = met.copy()
-    changed[met] = second[met] - first[met] > reach
+    rays, (first, normal), (second, inner), changed = _changed(images, before, after, reach)
     missing = changed & ~np.isfinite(second)
     told = changed & ~missing
     costs, telling = [], []
     for distance, facing in ((first, normal), (second, inner)):
-        points = origin[told] + distance[told, None] * direction[told]
-        cost, enough = _differences(points, facing[told], grey[told], side, rays.tolerance)
+        cost, enough = _differences_at(rays, told, distance, facing)
         costs.append(mean_cost((cost, enough)))
         telling.append(int(enough.sum()))
     lost = missing.sum() / max(changed.sum(), 1)
     return costs[0], float((1 - lost) * costs[1] + lost * _CAP), min(telling)
+
+
+def one_surface(images: Images, before: Scene, after: Scene, reach: float) -> float:
+    """Share of the telling rays on which two surfaces differ that agree about the first as about a true surface.
+
+    Where that is much, all of it is closed there, whatever the second explains elsewhere: behind a wall that is cut
+    open, rays are scattered over so many places that none tells of it. Arguments are those of `disagreements`.
+    """
+    rays, (first, normal), _, changed = _changed(images, before, after, reach)
+    cost, enough = _differences_at(rays, changed, first, normal)
+    return float((cost[enough] < _ONE_SURFACE).mean()) if enough.any() else 0.0
+
+
+Hits = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+def _changed(images: Images, before: Scene, after: Scene, reach: float) -> tuple[Rays, Hits, Hits, NDArray[np.bool_]]:
+    """Rays at the object, where they hit two surfaces, and (N,) on which these differ by more than `reach`."""
+    rays = rays_at_object(images)
+    first, second = before.hits(rays.origin, rays.direction), after.hits(rays.origin, rays.direction)
+    met = np.isfinite(first[0])
+    changed = met.copy()
+    changed[met] = second[0][met] - first[0][met] > reach
+    return rays, first, second, changed
+
+
+def _differences_at(
+    rays: Rays, chosen: NDArray[np.bool_], distance: NDArray[np.float32], facing: NDArray[np.float32]
+) -> Costs:
+    """Capped differences of some rays from what others show where they hit a surface; see `_differences`."""
+    points = rays.origin[chosen] + distance[chosen, None] * rays.direction[chosen]
+    return _differences(points, facing[chosen], rays.grey[chosen], rays.side, rays.tolerance)
 
 
 def better(said: tuple[float, float, int], gain: float, least_rays: int, untold: bool) -> bool:

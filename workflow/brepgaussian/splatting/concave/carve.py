@@ -25,6 +25,10 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
+_LOSS = (
+    1.2  # times the views' disagreement that a hole leaves, at which it is none (1.4-1.8 in a ring, .35-.8 in bores)
+)
+_CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
 _MOST_MET = 0.16  # of the rays contradict a deep blind opening with nothing in it: true ones have up to .07, more
 # where bosses stand in them; a strip that lay below its fillet had .18
 _DEEP_CELLS = 14  # of shallower ones, rays that hit the blur of a rim count for more: up to .17
@@ -84,8 +88,9 @@ def open_concavities(
             if k not in ends:
                 known[k] = shortened(images, hull, known[k], margins[k])
                 known[k] = with_islands(images, hull, known[k], margins[k])
-            if k < len(before) or not _contradicted(known[k]):
-                hull = hull.without(known[k], margins[k])
+            opened = hull.without(known[k], margins[k])
+            if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):
+                hull = opened
             else:
                 wrong.add(k)
         for bend in found_bends:
@@ -130,6 +135,23 @@ def _contradicted(prism: Prism) -> bool:
     if wrong:
         logger.info("opening of area %.4f: %.0f %% of rays contradict it, not believed", prism.area, 100 * prism.error)
     return wrong
+
+
+def _worse(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
+    """Whether views agree less about a hull where a hole that narrows has changed it.
+
+    The round side of a ring looks like the face around a countersunk hole, which silhouettes see through.
+    """
+    if not prism.draft or not prism.through:
+        return False
+    old, new, count = disagreements(images, hull.scene(), opened.scene(), _CHANGED_VOXELS * hull.spacing)
+    worse = count >= _LEAST_RAYS and new > _LOSS * old
+    if worse:
+        logger.info(
+            "opening of area %.4f: views disagree by %.2f for %.2f of the hull, %d rays: not believed",
+            prism.area, new, old, count,
+        )  # fmt: skip
+    return worse
 
 
 def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:
