@@ -57,6 +57,7 @@ def test_what_nothing_tells_of_is_not_cut_along_with_a_channel(monkeypatch, told
         return (1.0, 0.2, 500 if told else 0) if rest else (1.0, 0.2, 500)
 
     monkeypatch.setattr(sweep, "disagreements", disagreements)
+    monkeypatch.setattr(sweep, "one_surface", lambda *_: 0.0)
     less = sweep._shown_at_ends(None, hull, somewhere, opened, found)
     assert (less is None) == told
     if less is not None:
