@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, recess, sweep
+from brepgaussian.splatting.concave.agreement import rays_near
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.recess import open_recesses
 from brepgaussian.splatting.concave.volume import Volume
@@ -84,13 +85,31 @@ def test_a_slot_that_is_open_at_two_sides_is_carved_to_its_inner_corner(tmp_path
     assert not open_recesses(images, hull, [])[1]
     assert len(found) == (part == "slot")
     if found:
-        assert found[0].depth == pytest.approx(depth * scale, abs=0.01)
+        assert found[0].depth == pytest.approx(depth * scale, abs=0.004)
         inner = corner + scale * np.array(
             [[length - 1.5, 14, depth - 1.5], [length - 1.5, 11, 2], [1, 17, depth - 1.5]]
         )
         beyond = corner + scale * np.array([[length + 1, 14, 5], [5, 14, depth + 1], [5, 7.5, 5]])
         assert (opened.scene().signed_distance(inner) > 0).all()
+        assert every_pixel_is_asked(images, inner)
         assert (opened.scene().signed_distance(beyond) < 0).all()
+
+
+def every_pixel_is_asked(images, places):
+    """Whether around a few places all pixels that show the object have rays."""
+    cameras = images.views.cameras
+    count = 0
+    for view in range(len(cameras)):
+        pixels = np.round(cameras.project(view, places)[0]).astype(int)
+        (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+        count += int((images.views.alpha[view, top:bottom, left:right] > 250).sum())
+    return len(rays_near(images, places).grey) == count
+
+
+def test_faces_on_one_plane_show_the_same_sections():
+    faces = [face_at(TOP), face_at(TOP + SPACING / 4), face_at(BOTTOM, -1.0), face_at(TOP - 0.1)]
+    kept = recess._planes(faces, SPACING)
+    assert [lattice.offset for lattice, _ in kept] == [faces[k][0].offset for k in (0, 2, 3)]
 
 
 def _field(views):

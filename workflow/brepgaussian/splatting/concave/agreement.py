@@ -1,6 +1,6 @@
 """Whether the images speak for one surface rather than another: on the right one, views agree about its radiance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from brepgaussian.splatting.concave.shapes import Costs
 Array = NDArray[np.float64]
 
 _STRIDE_PX = 4
+_MOST_RAYS = 400_000  # around one place: every pixel of all views if it is small
 _PLACE_PX = 6.0  # side of a place; within it, radiance changes linearly
 _ONE_SURFACE = 0.05  # tolerances by which rays differ at most that hit one and the same place of a true surface
 _CAP = 3.0  # tolerances; greater differences (another surface is in the way) count no more than this
@@ -84,10 +85,33 @@ def mean_cost(costs: Costs) -> float:
 def rays_at_object(images: Images, stride: int = _STRIDE_PX) -> Rays:
     """A ray for every few pixels, `stride` along each side, that surely show the object."""
     views = images.views
+    whole = np.array([[0, 0], [views.cameras.height, views.cameras.width]])
+    return _rays(images, [whole] * len(views.cameras), stride)
+
+
+def rays_near(images: Images, places: Array) -> Rays:
+    """Rays through the pixels around places (N, 3): as many of them as can be afforded, all where that is little.
+
+    A slot's floor is a few places wide; every fourth pixel hardly tells how deep it lies.
+    """
+    cameras = images.views.cameras
+    boxes = []
+    for view in range(len(cameras)):
+        pixels, _ = cameras.project(view, places)
+        corners = np.array([pixels.min(axis=0), pixels.max(axis=0)])[:, ::-1]
+        boxes.append(np.clip(np.nan_to_num(np.round(corners)), 0, [cameras.height, cameras.width]).astype(int))
+    every = sum(int(np.prod(high - low)) for low, high in boxes)
+    stride = int(np.clip(np.ceil(np.sqrt(every / _MOST_RAYS)), 1, _STRIDE_PX))
+    return _rays(images, boxes, stride)
+
+
+def _rays(images: Images, boxes: Sequence[NDArray[np.integer]], stride: int) -> Rays:
+    """Rays through every few pixels that surely show the object, of a box (2, 2) of rows and columns in each view."""
+    views = images.views
     origins, directions, greys = [], [], []
-    for view, alpha in enumerate(views.alpha):
-        rows, columns = np.nonzero(alpha[::stride, ::stride] > OPAQUE)
-        rows, columns = rows * stride, columns * stride
+    for view, ((top, left), (bottom, right)) in enumerate(boxes):
+        rows, columns = np.nonzero(views.alpha[view, top:bottom:stride, left:right:stride] > OPAQUE)
+        rows, columns = top + rows * stride, left + columns * stride
         center, ray = views.cameras.rays(view, np.column_stack([columns + 0.5, rows + 0.5]))
         origins.append(np.broadcast_to(center, ray.shape))
         directions.append(ray)
@@ -96,19 +120,23 @@ def rays_at_object(images: Images, stride: int = _STRIDE_PX) -> Rays:
     return Rays(origin, direction, grey.astype(float), _PLACE_PX * views.cameras.footprint(), images.tolerance, origin)
 
 
-def disagreements(images: Images, before: Scene, after: Scene, reach: float) -> tuple[float, float, int]:
+def disagreements(
+    images: Images, before: Scene, after: Scene, reach: float, rays: Rays | None = None
+) -> tuple[float, float, int]:
     """How much views differ on two surfaces, where these differ.
 
     Args:
         images: of all views.
         before, after: the surfaces; the second lies inside of the first.
         reach: rays on which they differ by less than this are left out.
+        rays: that are asked; None = some at all of the object.
 
     Returns:
         Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays whose places
         are met by enough others to tell anything.
     """
-    rays, (first, normal), (second, inner), changed = _changed(images, before, after, reach)
+    rays = rays_at_object(images) if rays is None else rays
+    (first, normal), (second, inner), changed = _changed(rays, before, after, reach)
     missing = changed & ~np.isfinite(second)
     told = changed & ~missing
     costs, telling = [], []
@@ -126,7 +154,8 @@ def one_surface(images: Images, before: Scene, after: Scene, reach: float) -> fl
     Where that is much, all of it is closed there, whatever the second explains elsewhere: behind a wall that is cut
     open, rays are scattered over so many places that none tells of it. Arguments are those of `disagreements`.
     """
-    rays, (first, normal), _, changed = _changed(images, before, after, reach)
+    rays = rays_at_object(images)
+    (first, normal), _, changed = _changed(rays, before, after, reach)
     cost, enough = _differences_at(rays, changed, first, normal)
     return float((cost[enough] < _ONE_SURFACE).mean()) if enough.any() else 0.0
 
@@ -134,14 +163,13 @@ def one_surface(images: Images, before: Scene, after: Scene, reach: float) -> fl
 Hits = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
-def _changed(images: Images, before: Scene, after: Scene, reach: float) -> tuple[Rays, Hits, Hits, NDArray[np.bool_]]:
-    """Rays at the object, where they hit two surfaces, and (N,) on which these differ by more than `reach`."""
-    rays = rays_at_object(images)
+def _changed(rays: Rays, before: Scene, after: Scene, reach: float) -> tuple[Hits, Hits, NDArray[np.bool_]]:
+    """Where rays hit two surfaces, and (N,) on which these differ by more than `reach`."""
     first, second = before.hits(rays.origin, rays.direction), after.hits(rays.origin, rays.direction)
     met = np.isfinite(first[0])
     changed = met.copy()
     changed[met] = second[0][met] - first[0][met] > reach
-    return rays, first, second, changed
+    return first, second, changed
 
 
 def _differences_at(

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_at_object
-from brepgaussian.splatting.concave.columns import FINER, Columns
+from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_near
+from brepgaussian.splatting.concave.columns import FINER, PARALLEL, Columns
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shapes import SURE
 from brepgaussian.splatting.concave.sweep import LEAST_VOLUME_VOXELS, MOST_LOST, Outlined
-from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.concave.volume import Volume, ends_of
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ _LEAST_CELLS = 30  # of a section, in voxels
 _DEPTHS = 8  # that are tried, evenly, before those around the best
 _MOST_TRIED = 4  # sections of all faces, those with most in them first
 _COVERED = 0.1  # of a section is cut away of faces that views have confirmed: they stand in it
-_GAIN = 0.6  # of the disagreement is left at most
+_GAIN, _SURE_GAIN = 0.6, 0.75  # of the disagreement is left at most, and if rays surely tell of the recess
 _LEAST_RAYS = 100
 
 logger = log.get_logger("stage1")
@@ -47,17 +48,30 @@ def open_recesses(images: Images, hull: Volume, faces: Sequence[Outlined]) -> tu
         The opened hull and the recesses.
     """
     done: list[Prism] = []
-    sections = [s for face in faces for s in _sections(hull, face, faces)]
+    sections = [s for face in _planes(faces, hull.spacing) for s in _sections(hull, face, faces)]
     if not sections:
         return hull, done
-    scene, rays = hull.scene(), rays_at_object(images)
+    scene = hull.scene()
     for deepest, _ in sorted(sections, key=lambda s: -s[1])[:_MOST_TRIED]:
-        found = _deepened(images, hull, scene, rays, deepest)
+        found = _deepened(images, hull, scene, deepest)
         if found is not None:
             hull = hull.without(found, 0.0)
             scene = hull.scene()
             done.append(found)
     return hull, done
+
+
+def _planes(faces: Sequence[Outlined], spacing: float) -> list[Outlined]:
+    """Faces without those on the plane of an earlier one: it shows the same sections."""
+    found: list[Outlined] = []
+    for lattice, outline in faces:
+        same = (
+            other.normal @ lattice.normal > PARALLEL and abs(other.offset - lattice.offset) < spacing
+            for other, _ in found
+        )
+        if not any(same):
+            found.append((lattice, outline))
+    return found
 
 
 def _sections(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[tuple[Prism, float]]:
@@ -95,9 +109,10 @@ def _free_depth(prism: Prism, faces: Sequence[Outlined], spacing: float) -> floa
     return depth
 
 
-def _deepened(images: Images, hull: Volume, scene: Scene, rays: Rays, deepest: Prism) -> Prism | None:
-    """The section down to where views agree best, or None if they don't agree much better; `rays` at the object."""
-    rays = rays.hitting(scene, lambda points: deepest.contains(points, 0.0))
+def _deepened(images: Images, hull: Volume, scene: Scene, deepest: Prism) -> Prism | None:
+    """The section down to where views agree best, or None if they don't agree much better."""
+    near = rays_near(images, ends_of(deepest, 0.0))
+    rays = near.hitting(scene, lambda points: deepest.contains(points, 0.0))
     before = rays.costs(scene)
     if np.count_nonzero(before[1]) < _LEAST_RAYS:
         return None
@@ -117,18 +132,24 @@ def _deepened(images: Images, hull: Volume, scene: Scene, rays: Rays, deepest: P
     while step > hull.spacing / 2:
         step /= 2
         best = min((d for d in (best, best - step, best + step) if 0 < d <= deepest.depth), key=cost)
-    return _judged(images, hull, scene, replace(deepest, depth=best))
+    recess = replace(deepest, depth=best)
+    sure = rays.advantage(before, rays.costs(hull.without(recess, 0.0).scene()))
+    return _judged(images, hull, scene, near, recess, sure)
 
 
-def _judged(images: Images, hull: Volume, scene: Scene, recess: Prism) -> Prism | None:
-    """A recess, or None if views don't agree much better, or silhouettes need what was there."""
-    old, new, count = said = disagreements(images, scene, hull.without(recess, 0.0).scene(), 2 * hull.spacing)
+def _judged(images: Images, hull: Volume, scene: Scene, rays: Rays, recess: Prism, sure: float) -> Prism | None:
+    """A recess, or None if views don't agree much better, or silhouettes need what was there.
+
+    The rays around it ask for walls that it shares with others, too; `sure` are standard errors of those in it.
+    """
+    old, new, count = said = disagreements(images, scene, hull.without(recess, 0.0).scene(), 2 * hull.spacing, rays)
     chords = chords_in(scene, *images.contour_rays)
     lost = lost_share(chords, recess.contains(chords.samples(), 0.0))
-    good = better(said, _GAIN, _LEAST_RAYS, untold=False) and lost <= MOST_LOST
+    gain = _SURE_GAIN if sure > SURE else _GAIN
+    good = better(said, gain, _LEAST_RAYS, untold=False) and lost <= MOST_LOST
     logger.info(
-        "recess of area %.4f, normal %s, %.4f deep: views disagree by %.2f for %.2f of the hull, %d rays%s",
-        recess.area, np.round(recess.lattice.normal, 2).tolist(), recess.depth, new, old, count,
+        "recess of area %.4f, normal %s, %.4f deep: views disagree by %.2f for %.2f of the hull, %d rays, %.1f sigma%s",
+        recess.area, np.round(recess.lattice.normal, 2).tolist(), recess.depth, new, old, count, sure,
         "" if good else ": not believed",
     )  # fmt: skip
     return recess if good else None

@@ -48,7 +48,7 @@ class Volume:
     def without(self, prism: Prism, margin: float) -> "Volume":
         """What is left of it outside of a prism that is longer by `margin`; beyond a few voxels nothing changes."""
         reach = max(_MARGIN_VOXELS * self.spacing, 2 * prism.lattice.pitch)
-        return self.carved(_ends(prism, margin), reach, lambda points: prism.signed_distance(points, margin))
+        return self.carved(ends_of(prism, margin), reach, lambda points: prism.signed_distance(points, margin))
 
     def carved(self, extent: Array, reach: float, outside: Callable[[Array], Array]) -> "Volume":
         """What is left of it outside of a solid.
@@ -74,7 +74,7 @@ class Volume:
         return part, np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def _ends(prism: Prism, margin: float) -> Array:
+def ends_of(prism: Prism, margin: float) -> Array:
     """(N, 3) the cells of a prism's outline at both its ends."""
     lattice = prism.lattice
     cells = lattice.centers()[prism.outline]
