@@ -42,7 +42,9 @@ def refilled(images: Images, before: Volume, cornered: Volume, now: Volume, pris
     labels, _ = ndimage.label((closed > 0) & (now.field <= 0))
     sizes = np.bincount(labels.ravel())[1:]
     largest = [k for k in np.argsort(-sizes, kind="stable")[:_MOST_TRIED] if sizes[k] >= _LEAST_VOXELS]
-    scene = now.scene() if largest else None
+    if not largest:
+        return now
+    scene = now.scene()
     for k in largest:
         room = ndimage.binary_dilation(labels == k + 1)
         filled = now.with_field(np.where(room, closed, now.field))
