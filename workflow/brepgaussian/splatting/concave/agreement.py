@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import Costs
 
 Array = NDArray[np.float64]
+Hits = tuple[NDArray[np.float32], NDArray[np.float32]]  # (N,) distances along rays, and (N, 3) normals there
 
 _STRIDE_PX = 4
 _MOST_RAYS = 400_000  # around one place: every pixel of all views if it is small
@@ -158,9 +159,6 @@ def one_surface(images: Images, before: Scene, after: Scene, reach: float) -> fl
     (first, normal), _, changed = _changed(rays, before, after, reach)
     cost, enough = _differences_at(rays, changed, first, normal)
     return float((cost[enough] < _ONE_SURFACE).mean()) if enough.any() else 0.0
-
-
-Hits = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 def _changed(rays: Rays, before: Scene, after: Scene, reach: float) -> tuple[Hits, Hits, NDArray[np.bool_]]:

@@ -25,9 +25,7 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
-_LOSS = (
-    1.2  # times the views' disagreement that a hole leaves, at which it is none (1.4-1.8 in a ring, .35-.8 in bores)
-)
+_LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8)
 _CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
 _MOST_MET = 0.16  # of the rays contradict a deep blind opening with nothing in it: true ones have up to .07, more
 # where bosses stand in them; a strip that lay below its fillet had .18
