@@ -61,8 +61,7 @@ def localise(surface: Surface, points: Array) -> Local:
         cosine, sine = np.cos(surface.angle), np.sin(surface.angle)
         distance, normal = (rho - surface.radius) * cosine - along * sine, cosine * radial - sine * surface.axis
     else:
-        natural = replace(surface, flipped=False)
-        distance, normal = natural.signed_distance(points), natural.normals(points)
+        distance, normal = replace(surface, flipped=False).field(points)
     return Local(offset, along, rho, radial, distance, normal)
 
 
@@ -77,9 +76,14 @@ def distance_jacobian(surface: Surface, points: Array) -> tuple[Array, Array]:
         (N,) distances and (N, P) Jacobian, P = `PARAMETERS[kind]`.
     """
     at = localise(surface, points)
+    return at.distance, _jacobian(surface, at)
+
+
+def _jacobian(surface: Surface, at: Local) -> Array:
+    """(N, P) derivatives of the distances of points seen from a surface."""
     x, y, axis = surface.frame()
     tilt_x, tilt_y = _tilt(at, axis, x), _tilt(at, axis, y)
-    ones = np.ones(len(points))
+    ones = np.ones(len(at.distance))
     if surface.kind == "plane":
         columns = [tilt_x, tilt_y, -ones]
     elif surface.kind == "sphere":
@@ -93,7 +97,7 @@ def distance_jacobian(surface: Surface, points: Array) -> tuple[Array, Array]:
     else:
         outward = np.einsum("ij,ij->i", at.normal, at.radial)
         columns = [*(-at.normal @ np.column_stack([x, y, axis])).T, tilt_x, tilt_y, -outward, -ones]
-    return at.distance, np.column_stack(columns)
+    return np.column_stack(columns)
 
 
 def _tilt(at: Local, axis: Array, towards: Array) -> Array:
@@ -200,15 +204,15 @@ def refine(
         if not _bounded(candidate):
             damping *= 8
             continue
-        trial, trial_jacobian = distance_jacobian(candidate, scaled)
-        trial_cost = float(weights @ trial**2)
+        at = localise(candidate, scaled)
+        trial_cost = float(weights @ at.distance**2)
         if not trial_cost < cost:
             if np.linalg.norm(delta) < 1e-9 or damping > 1e8:
                 break
             damping *= 8
             continue
         settled = cost - trial_cost < 1e-9 * cost and damping < 1
-        current, distance, jacobian, cost = candidate, trial, trial_jacobian, trial_cost
+        current, distance, jacobian, cost = candidate, at.distance, _jacobian(candidate, at), trial_cost
         damping = max(damping / 6, 1e-9)
         if settled or cost < 1e-24 * total:
             break
