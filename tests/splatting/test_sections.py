@@ -70,6 +70,18 @@ def test_the_section_of_a_chewed_outline_is_found(name, seed):
         assert abs(found.shape.radius - true.shape.radius) < (1.5 if name == "pocket" else 0.5)
 
 
+@pytest.mark.parametrize("radius", [10.0, 13.4, 25.0])
+@pytest.mark.parametrize("seed", [21, 22])
+def test_small_corners_of_a_large_pocket_are_found(radius, seed):
+    """Beginning from large ones, all places on them are outliers."""
+    true = Section((106.7, 76.8), 0.003, Rounded((91.4, 60.8), radius))
+    grid = np.stack(np.indices((215, 155)), axis=-1).astype(float)
+    found = fitted(chewed(true.signed_distance(grid) < 0, seed), opened)
+    assert found is not None
+    assert np.allclose(found.shape.half, true.shape.half, atol=0.5)
+    assert abs(found.shape.radius - radius) < 2.5
+
+
 @pytest.mark.parametrize("cut", ["disc with two ears", "angle", "triangle"])
 def test_other_outlines_have_no_section(cut):
     rows, columns = np.indices(SHAPE)

@@ -29,6 +29,7 @@ _MOST_MOVED = 3.0  # cells from where the outline was
 _LEAST_RADIUS = 3.0  # cells; narrower openings have no section that cells could tell
 _NOTCH_CELLS = 2.0  # beyond a circle, or within: a keyway, or a flat
 _LEAST_NOTCH = 12  # cells of one
+_ROUND = (0.5, 0.2)  # of half the shorter side: radii to begin from; few places lie on small corners
 _WIDE_KEYWAY = 0.8  # of the bore: one as wide makes a slot of it
 _SURE_CELLS = 0.2  # misfit of a section that only cells tell: .05-.12 where it was right, .3 of an octagon for a bore
 _TURN = 0.02  # radians of a section's angle that move its border as much as a cell of its other parameters
@@ -192,7 +193,8 @@ def _rectangles(x: float, y: float, angle: float, a: float, b: float) -> Iterato
     yield circle, [x, y, (a + b) / 2]
     yield _slot, [x, y, angle, a, b]
     yield _rectangle, [x, y, angle, a, b]
-    yield _rounded, [x, y, angle, a, b, 0.5 * b]
+    for share in _ROUND:
+        yield _rounded, [x, y, angle, a, b, share * b]
 
 
 def _near(section: Section) -> Iterator[Family]:
