@@ -2,13 +2,11 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from blocks import BLOCK, SPACING, disc
 from brepgaussian.splatting.concave import Images
 from brepgaussian.splatting.concave.deeper import is_whole, surely_deeper
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS
-from brepgaussian.splatting.concave.prism import Lattice, Prism
-from brepgaussian.splatting.concave.volume import Volume
 from build123d import Align, Box, Cylinder, Pos
 from rendered import rendered
 
@@ -16,24 +14,14 @@ LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 SIDE, RADIUS, DEEP = 40.0, 10.0, 10.0
 
 
-def disc(radius, depth, pitch):
-    """A round opening about the middle of the top of a block."""
-    cells = 2 * round(0.35 / pitch) + 1
-    corner = np.array([0.5, 0.5, 1.0]) - cells * pitch / 2 * np.array([1.0, 1.0, 0])
-    on = Lattice(corner, *np.eye(3), pitch, (cells, cells))
-    return Prism(on, np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < radius, depth, False, 0.0)
-
-
 @pytest.mark.parametrize(("cut", "deeper"), [(6.0, True), (DEEP, False)])
 def test_a_floor_lies_deeper_if_rays_through_its_mouth_say_so(tmp_path, cut, deeper):
     part = Box(SIDE, SIDE, SIDE, align=LOW) - Pos(0, 0, SIDE - DEEP) * Cylinder(RADIUS, DEEP, align=LOW)
     views, _ = rendered(tmp_path, part, 40, 400)
     images = Images.of(views, 0.0)
-    grid = np.stack(np.meshgrid(*[np.arange(97) / 96] * 3, indexing="ij"), axis=-1)
-    block = Volume((0.5 - np.abs(grid - 0.5)).min(axis=-1).astype(np.float32), np.zeros(3), 1 / 96)
     pitch = PITCH_PIXELS * views.cameras.footprint()
     floor = disc(RADIUS / SIDE, cut / SIDE, pitch)
-    scene = block.without(floor, 2 / 96).scene()
+    scene = BLOCK.without(floor, 2 * SPACING).scene()
     below = replace(floor, lattice=floor.lowered(cut / SIDE), depth=4 / SIDE)
     assert is_whole(floor, below)
     assert surely_deeper(images, scene, floor, below) == deeper

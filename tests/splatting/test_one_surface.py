@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from blocks import BLOCK, GRID, SPACING, disc
 from brepgaussian.splatting.concave import Images, carve
 from brepgaussian.splatting.concave.agreement import one_surface
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS
-from brepgaussian.splatting.concave.prism import Lattice, Prism
-from brepgaussian.splatting.concave.volume import Volume
 from build123d import Align, Box, Cylinder, Pos
 from rendered import rendered
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 SIDE, WIDE, DEEP, BORE = 40.0, 5.0, 15.0, 8.0
-GRID = np.stack(np.meshgrid(*[np.arange(97) / 96] * 3, indexing="ij"), axis=-1)
-BLOCK = Volume((0.5 - np.abs(GRID - 0.5)).min(axis=-1).astype(np.float32), np.zeros(3), 1 / 96)
 
 
 @pytest.mark.parametrize("there", [True, False])
@@ -26,16 +23,8 @@ def test_a_wall_that_a_slot_is_cut_into_is_one_surface_if_there_is_none(tmp_path
     views, _ = rendered(tmp_path, part, 40, 400)
     slot = np.maximum(np.abs(GRID[..., 1] - 0.5) - WIDE / SIDE / 2, 1 - DEEP / SIDE - GRID[..., 2])
     cut = BLOCK.with_field(np.minimum(BLOCK.field, slot.astype(np.float32)))
-    share = one_surface(Images.of(views, 0.0), BLOCK.scene(), cut.scene(), 2 / 96)
+    share = one_surface(Images.of(views, 0.0), BLOCK.scene(), cut.scene(), 2 * SPACING)
     assert share < 0.15 if there else share > 0.4
-
-
-def bore(pitch, radius):
-    cells = 2 * round(0.4 / pitch) + 1
-    corner = np.array([0.5, 0.5, 1.0]) - cells * pitch / 2 * np.array([1.0, 1.0, 0])
-    on = Lattice(corner, *np.eye(3), pitch, (cells, cells))
-    outline = np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < radius
-    return Prism(on, outline, 1.0, True, 0.0, draft=0.5, sink=0.1)
 
 
 def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
@@ -44,7 +33,8 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     images = Images.of(views, 0.0)
     radius = np.linalg.norm(GRID[..., :2] - 0.5, axis=-1)
     hull = BLOCK.with_field(np.minimum(BLOCK.field, (radius - BORE / SIDE).astype(np.float32)))
-    wide = bore(PITCH_PIXELS * views.cameras.footprint(), 0.3)
+    mouth = disc(0.3, 1.0, PITCH_PIXELS * views.cameras.footprint())
+    wide = replace(mouth, through=True, draft=0.5, sink=0.1)
     opened = hull.without(wide, 0.02)
     assert carve._worse(images, hull, opened, wide)
     assert not carve._worse(images, hull, opened, replace(wide, draft=0.0))  # straight ones are judged by their rays

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from blocks import BLOCK, GRID, SPACING, disc
 from brepgaussian.splatting.concave import Images, refilled
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS
-from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.volume import Volume
 from build123d import Align, Box, Cylinder, Pos
 from rendered import rendered
@@ -24,18 +24,11 @@ def test_a_room_beside_a_pocket_is_filled_if_it_is_not_there(tmp_path, there):
         part -= Pos(*middle) * Box(*(SIDE * np.ptp(ROOM, axis=0)))
     views, _ = rendered(tmp_path, part, 40, 400)
     images = Images.of(views, 0.0)
-    grid = np.stack(np.meshgrid(*[np.arange(97) / 96] * 3, indexing="ij"), axis=-1)
-    block = Volume((0.5 - np.abs(grid - 0.5)).min(axis=-1).astype(np.float32), np.zeros(3), 1 / 96)
-    outside = np.maximum(ROOM[0] - grid, grid - ROOM[1]).max(axis=-1).astype(np.float32)
-    cornered = block.with_field(np.minimum(block.field, outside))
-    pitch = PITCH_PIXELS * views.cameras.footprint()
-    cells = 2 * round(0.35 / pitch) + 1
-    corner = np.array([0.5, 0.5, 1.0]) - cells * pitch / 2 * np.array([1.0, 1.0, 0])
-    on = Lattice(corner, *np.eye(3), pitch, (cells, cells))
-    within = np.linalg.norm(on.centers()[..., :2] - 0.5, axis=-1) < RADIUS / SIDE
-    pocket = Prism(on, within, DEEP / SIDE, False, 0.0)
-    opened = cornered.without(pocket, 2 / 96)
-    result = refilled(images, block, cornered, opened, [pocket])
+    outside = np.maximum(ROOM[0] - GRID, GRID - ROOM[1]).max(axis=-1).astype(np.float32)
+    cornered = BLOCK.with_field(np.minimum(BLOCK.field, outside))
+    pocket = disc(RADIUS / SIDE, DEEP / SIDE, PITCH_PIXELS * views.cameras.footprint())
+    opened = cornered.without(pocket, 2 * SPACING)
+    result = refilled(images, BLOCK, cornered, opened, [pocket])
     room, middle = tuple(np.round(96 * np.array([0.87, 0.5, 0.85])).astype(int)), (48, 48, 90)
     assert opened.field[room] < 0
     assert (result.field[room] < 0) == there

@@ -73,7 +73,7 @@ def open_concavities(
         # the far end of a hole may be the floor of what was found before
         before, known = known, joined([*known, *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
-        margins = [MARGIN_CELLS * hull.spacing + prism.above for prism in known]
+        margins = [hull.margin(prism) for prism in known]
         for k in fresh:
             known[k] = drawn(images, scene, hull, known[k], margins[k])
         known = agreed(known)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_near
+from brepgaussian.splatting.concave.agreement import better, disagreements, rays_near
 from brepgaussian.splatting.concave.columns import FINER, PARALLEL, Columns
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.openings import Images
@@ -133,16 +133,23 @@ def _deepened(images: Images, hull: Volume, scene: Scene, deepest: Prism) -> Pri
         step /= 2
         best = min((d for d in (best, best - step, best + step) if 0 < d <= deepest.depth), key=cost)
     recess = replace(deepest, depth=best)
-    sure = rays.advantage(before, rays.costs(hull.without(recess, 0.0).scene()))
-    return _judged(images, hull, scene, near, recess, sure)
+    after = hull.without(recess, 0.0).scene()
+    sure = rays.advantage(before, rays.costs(after))
+    said = disagreements(images, scene, after, 2 * hull.spacing, near)
+    return recess if _believed(images, scene, recess, said, sure) else None
 
 
-def _judged(images: Images, hull: Volume, scene: Scene, rays: Rays, recess: Prism, sure: float) -> Prism | None:
-    """A recess, or None if views don't agree much better, or silhouettes need what was there.
+def _believed(images: Images, scene: Scene, recess: Prism, said: tuple[float, float, int], sure: float) -> bool:
+    """Whether views agree much better on a recess, and silhouettes don't need what was there.
 
-    The rays around it ask for walls that it shares with others, too; `sure` are standard errors of those in it.
+    Args:
+        images: of all views.
+        scene: the hull before it is cut.
+        recess: what is cut.
+        said: by the rays around it, which ask for walls that it shares with others, too; see `disagreements`.
+        sure: standard errors by which the rays in it agree better.
     """
-    old, new, count = said = disagreements(images, scene, hull.without(recess, 0.0).scene(), 2 * hull.spacing, rays)
+    old, new, count = said
     chords = chords_in(scene, *images.contour_rays)
     lost = lost_share(chords, recess.contains(chords.samples(), 0.0))
     gain = _SURE_GAIN if sure > SURE else _GAIN
@@ -152,4 +159,4 @@ def _judged(images: Images, hull: Volume, scene: Scene, rays: Rays, recess: Pris
         recess.area, np.round(recess.lattice.normal, 2).tolist(), recess.depth, new, old, count, sure,
         "" if good else ": not believed",
     )  # fmt: skip
-    return recess if good else None
+    return good

@@ -13,7 +13,7 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism
-from brepgaussian.splatting.concave.volume import MARGIN_CELLS, Volume
+from brepgaussian.splatting.concave.volume import Volume
 
 _LEAST_VOXELS = 30  # of a room: less is the roughness of its walls
 _MOST_TRIED = 6  # rooms, largest first
@@ -37,7 +37,7 @@ def refilled(images: Images, before: Volume, cornered: Volume, now: Volume, pris
         return now
     whole = before
     for prism in prisms:
-        whole = whole.without(prism, MARGIN_CELLS * before.spacing + prism.above)
+        whole = whole.without(prism, before.margin(prism))
     closed = np.where(cornered.field < before.field, np.maximum(now.field, whole.field), now.field)
     labels, _ = ndimage.label((closed > 0) & (now.field <= 0))
     sizes = np.bincount(labels.ravel())[1:]

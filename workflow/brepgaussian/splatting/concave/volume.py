@@ -50,6 +50,10 @@ class Volume:
         reach = max(_MARGIN_VOXELS * self.spacing, 2 * prism.lattice.pitch)
         return self.carved(ends_of(prism, margin), reach, lambda points: prism.signed_distance(points, margin))
 
+    def margin(self, prism: Prism) -> float:
+        """By which a concavity in it is cut longer, unit frame."""
+        return MARGIN_CELLS * self.spacing + prism.above
+
     def carved(self, extent: Array, reach: float, outside: Callable[[Array], Array]) -> "Volume":
         """What is left of it outside of a solid.
 
