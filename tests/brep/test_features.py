@@ -68,6 +68,11 @@ def test_an_edge_between_planes_gets_a_plane():
         np.testing.assert_allclose(made.signed_distance(corners), 0, atol=1e-12)
 
 
+def test_faces_that_lean_to_come_near_a_fillet_leave_a_fraction_of_a_pixel():
+    surfaces, patches = round_case(False)
+    assert chamfers(Structure((), (rim(),), ()), surfaces, patches, table(0.45))
+
+
 @pytest.mark.parametrize(
     ("edge", "rows"),
     [

@@ -1,11 +1,15 @@
-"""Parts that no primitive explains are joined where the images show one region, unless they plainly are two faces."""
+"""Parts that no primitive explains are joined where the images show one region, unless they plainly are two faces.
+
+Narrow bores, around which no two normals are alike, are parts if stage 1 has told their walls.
+"""
 
 import numpy as np
 import pytest
-from brepgaussian.points import merge
+from brepgaussian.points import labels, merge
 from brepgaussian.points.batchfit import Noise
-from brepgaussian.points.graph import Graph
+from brepgaussian.points.graph import Graph, neighbour_pairs
 from brepgaussian.points.merge import Merger, Nodes
+from brepgaussian.settings.points import PointsSettings
 from scipy.spatial import cKDTree
 
 NOISE = Noise(0.0015, np.radians(2.5))
@@ -53,3 +57,27 @@ def test_strips_of_a_jagged_bore_become_one(seed):
     nodes, graph = jagged(xyz, normals, np.random.default_rng(seed))
     assert min(Merger(nodes, graph, labels, NOISE, seed).own.values()) > merge.UNEXPLAINED
     assert len(np.unique(Merger(nodes, graph, labels, NOISE, seed).run())) == 1
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_bore_of_few_nodes_is_a_part_where_stage_1_has_told_its_wall(told):
+    """Two dozen nodes, 36 degrees from each to the next one around, among those of the plate."""
+    angle, high = np.meshgrid(np.linspace(0, 2 * np.pi, 10, endpoint=False), [-0.02, -0.05], indexing="ij")
+    around = np.column_stack([np.cos(angle.ravel()), np.sin(angle.ravel()), np.zeros(angle.size)])
+    bore = 0.04 * around + high.reshape(-1, 1) * [0, 0, 1]
+    u, v = np.meshgrid(np.arange(-0.4, 0.4, 0.025), np.arange(-0.4, 0.4, 0.025), indexing="ij")
+    plane = np.column_stack([u.ravel(), v.ravel(), np.zeros(u.size)])
+    plane = plane[np.hypot(*plane[:, :2].T) > 0.045]
+    xyz, normals = np.concatenate([bore, plane]), np.concatenate([-around, np.tile([0, 0, 1.0], (len(plane), 1))])
+    count, on_bore = len(xyz), np.arange(len(xyz)) < len(bore)
+    nodes = Nodes(
+        xyz, normals, np.ones(count), np.ones(count, bool), np.full(count, np.nan), np.full((count, 3), np.nan),
+        np.where(on_bore, 7, -1) if told else None,
+    )  # fmt: skip
+    pairs, distance = neighbour_pairs(xyz, normals, 16)
+    within = on_bore[pairs[:, 0]] == on_bore[pairs[:, 1]]
+    graph = Graph(pairs, distance, np.where(within, 6.0, 0.0), np.full(len(pairs), 8.0), np.zeros(len(pairs)))
+    found = labels.label_nodes(nodes, graph, 0.025, PointsSettings()).labels
+    own = np.bincount(found[on_bore]).argmax()
+    alone = (found[on_bore] == own).mean() > 0.9 and not (found[~on_bore] == own).any()
+    assert alone == told

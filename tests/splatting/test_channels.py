@@ -199,6 +199,32 @@ def test_a_hole_reaches_from_mouth_to_mouth():
     assert max(depths) == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize(
+    ("radius", "error", "straight"), [(0.055, 0.03, True), (0.04, 0.03, False), (0.055, 0.2, False)]
+)
+def test_a_hole_whose_far_mouth_is_straight_and_as_wide_is_not_countersunk(radius, error, straight):
+    sunk = replace(hole(UP, [0.5, 0.5, 0.8], 0.5, radius=0.055), draft=1.4, sink=0.014)
+    found = joined([sunk, hole(-UP, [0.5, 0.5, 0.3], 0.5, radius, error)], 0.02)
+    assert (found[0].draft == 0) == straight
+
+
+def test_a_hole_through_a_tubes_wall_does_not_join_what_is_around_it_to_its_bore():
+    """Silhouettes leave a slit of it, and a chamfer empties what is outside of the tube at one end."""
+    x, y, z = np.moveaxis(GRID - 0.5, -1, 0)
+    away = np.hypot(x, y)
+    wall = np.minimum(0.35 - np.maximum(z - 0.2, 0) - away, away - 0.15 - 0.05 * (z < 0.1))
+    slit = np.minimum.reduce([0.006 - np.abs(y - 0.001), 0.05 - np.abs(z), -x])
+    field = np.minimum.reduce([wall, -slit, 0.3 - np.abs(z)])
+    hull = Volume(field.astype(np.float32), np.zeros(3), SPACING)
+    ends = [SimpleNamespace(normal=s * UP, offset=0.3 + s * 0.5) for s in (1.0, -1.0)]
+    somewhere = [c.prisms[0] for c in cuts(hull, UP, ends) if not c.at_ends]
+    assert somewhere
+    in_wall = np.array([[0.25, 0.5, 0.3], [0.25, 0.5, 0.7]])
+    assert all((prism.signed_distance(in_wall, 0.0) > 0).all() for prism in somewhere)
+    in_bore = np.array([[0.5 + 0.17, 0.5, 0.7]])
+    assert any((prism.signed_distance(in_bore, 0.0) < 0).all() for prism in somewhere)
+
+
 @pytest.mark.parametrize(("lean", "kept"), [(0.15, 1), (0.0, 2), (0.9, 2)])
 def test_a_crooked_far_mouth_is_the_same_hole(lean, kept):
     straight = hole(-UP, [0.5, 0.5, 0.2], 0.4)

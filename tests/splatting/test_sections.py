@@ -1,9 +1,11 @@
 """Openings' outlines in cells and the sections that they are drawings of; rims, walls and the surfels on them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from brepgaussian.splatting.concave import walls
 from brepgaussian.splatting.concave.draw import border_of, fitted
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Lattice, Prism
@@ -351,3 +353,45 @@ def test_a_small_octagon_of_cells_is_a_bore_if_the_rim_says_so_and_else_nothing(
     blind = replace(stack, grey=np.full_like(stack.grey, 90.0))
     assert at_rim(drawn, blind, centers, 1.5) is None
     assert at_rim(replace(SECTIONS["hexagon"], misfit=0.1), blind, centers, 1.5) is not None
+
+
+def test_a_round_opening_of_which_parts_look_like_the_face_is_the_circle_that_its_rim_tells(monkeypatch):
+    """In a dome, two pieces of a hole's outline are missing."""
+    bore = Section(CENTER, 0.0, Rounded((14.2, 14.2), 14.2))
+    stack, centers = rim_seen(bore, 0.0)
+    away = GRID - np.array(CENTER)
+    bitten = raster(bore) & (away @ [0.8, 0.6] < 10.5) & (away @ [-0.6, 0.8] < 9.5) & (away @ [-0.9, -0.44] < 11.5)
+    views = SimpleNamespace(cameras=SimpleNamespace(centers=centers))
+    images = SimpleNamespace(views=views, tolerance=1.5)
+    monkeypatch.setattr(walls, "rectify", lambda *_: stack)
+    prism = replace(prism_of(bore), outline=bitten)
+    monkeypatch.setattr(walls, "fitted", lambda *_: replace(SECTIONS["pocket"], misfit=0.3))  # so it seems to the cells
+    found = walls.drawn(images, None, None, prism, 0.0)
+    assert found.section is not None
+    assert np.abs(found.section.signed_distance(bore.border(100))).max() < 0.25
+    blind = replace(stack, grey=np.full_like(stack.grey, 90.0))
+    monkeypatch.setattr(walls, "rectify", lambda *_: blind)
+    assert walls.drawn(images, None, None, prism, 0.0).section is None
+
+
+@pytest.mark.parametrize(("told", "alike"), [(True, True), (False, False)])
+def test_a_round_end_that_cells_draw_as_a_square_is_round_if_views_show_the_others_rim(told, alike):
+    bore = Section(CENTER, 0.0, Rounded((8.4, 8.4), 8.4), misfit=0.05, at_rim=told)
+    near = replace(prism_of(bore), section=bore)
+    square = Section((CENTER[0] + 0.5, -1.0 - CENTER[1] - 0.6), 0.0, Rounded((7.4, 7.4), 0.0), misfit=0.1)
+    far = replace(prism_of(square, flipped=True), section=square)
+    one, other = agreed([near, far])
+    assert one.section == bore
+    assert (other.section.shape.radius == pytest.approx(8.4)) == alike
+
+
+def test_the_ragged_mouth_of_a_hole_gets_the_walls_of_the_mouth_that_views_show():
+    bore = Section(CENTER, 0.0, Rounded((11.4, 11.4), 11.4), at_rim=True)
+    near = replace(prism_of(bore), section=bore)
+    turn = np.arctan2(*np.moveaxis(GRID - np.array(CENTER), -1, 0))
+    ragged = bore.signed_distance(GRID) < 1.8 * np.sin(5 * turn)
+    assert bore.signed_distance(np.argwhere(ragged).astype(float)).max() > 1.2
+    ragged |= raster(Section((CENTER[0] + 9.5, CENTER[1]), 0.0, Rounded((5.0, 5.0), 5.0)))  # and one corner too much
+    assert agreed([near, far_end(near, ragged)])[1].section is not None
+    blind = replace(far_end(near, ragged), through=False)  # it may be something else
+    assert agreed([near, blind])[1].section is None

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Maker = Callable[[tuple[Surface, Surface], Edge], tuple[Surface, Array] | None]
 
 WIDTHS = (0.03, 0.015, 0.06)  # of the legs, unit frame: the refinement's windows reach from one to the next
-_BAD_PX = 0.5  # median silhouette residual of an edge that is not where the solid has it
+_BAD_PX = 0.2  # median silhouette residual of an edge that lies elsewhere: faces lean to come near a fillet
 _SHARE_OF_WORST = 0.25  # and of the worst edge's: one wrong edge draws others with it
 # Sine between a plane's normal and the axis of a cylinder whose circle is chamfered: a refused edge turns either.
 _PARALLEL = 0.05

@@ -95,7 +95,8 @@ def gather(
     shared = np.where(both >= _LEAST_VIEWS, same / np.maximum(both, 1), 0.0)
     slopes = gradients(xyz, normals, seen.grey, pairs, np.where(shared > _SAME_REGION, shared, 0.0))
     sure = core(seen, pairs, shared > _SAME_REGION) | told
-    nodes = Nodes(xyz, normals, np.where(told, 1.0, seen.trust), sure, seen.grey, slopes)
+    wall = np.where(told, evidence.face_id[owner], -1) if told.any() else None
+    nodes = Nodes(xyz, normals, np.where(told, 1.0, seen.trust), sure, seen.grey, slopes, wall)
     known = None if features is None else features[owner]
     return Gathered(samples, spacing, nodes, spacing_of(xyz), graph, known, told)
 

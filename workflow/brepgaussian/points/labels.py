@@ -62,7 +62,7 @@ def label_nodes(nodes: Nodes, graph: Graph, spacing: float, settings: PointsSett
     noise = pair_noise(nodes, graph)
     inner = nodes.core[graph.pairs].all(1)
     labels = contract(graph.pairs[inner], affinity(nodes, graph)[inner], nodes.normals, float(_BEND))
-    labels = _drop_small(np.where(nodes.core, labels, -1), 3)
+    labels = _with_walls(nodes, graph, _drop_small(np.where(nodes.core, labels, -1), 3))
     log.info("superpoints: %d, noise %.4f, %.1f deg", labels.max() + 1, noise.distance, np.degrees(noise.normal))
     if labels.max(initial=-1) < 0:  # too few nodes for parts: one patch per connected piece, or one at all
         labels = _drop_small(components(graph.pairs, np.zeros(len(nodes.xyz), np.int64)), 3)
@@ -196,6 +196,15 @@ def affinity(nodes: Nodes, graph: Graph) -> Array:
     votes = (share - SHARE_NEUTRAL) * np.minimum(graph.both, _FULL_VIEWS) / _FULL_VIEWS
     angle = np.arccos(np.clip((nodes.normals[i] * nodes.normals[j]).sum(1), -1, 1))
     return votes + sure * _NORMAL_WEIGHT * np.clip(1 - angle / _TURN, -1, 1) + graph.extra
+
+
+def _with_walls(nodes: Nodes, graph: Graph, labels: Index) -> Index:
+    """Superpoints and, of nodes in none, those of one wall: around a narrow hole no two normals are alike."""
+    if nodes.wall is None:
+        return labels
+    left = np.where((labels < 0) & nodes.core, nodes.wall, -1)
+    parts = _drop_small(components(graph.pairs, left), 3)
+    return compact(np.where(parts >= 0, parts + labels.max(initial=-1) + 1, labels))
 
 
 def _drop_small(labels: Index, smallest: int) -> Index:

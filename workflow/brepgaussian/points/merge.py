@@ -43,6 +43,7 @@ class Nodes:
         xyz, normals: (N, 3); trust: (N,) weight in fits, low near edges where normals are blurred.
         core: (N,) whether a node speaks for a patch; the others, at edges, follow.
         grey: (N,) grey level, NaN = not seen; gradients: (N, 3) its tangential gradient, NaN = unknown.
+        wall: (N,) which piece of a concavity's wall a node lies on, -1 = none that stage 1 has told; None: no node.
     """
 
     xyz: Array
@@ -51,6 +52,7 @@ class Nodes:
     core: NDArray[np.bool_]
     grey: Array
     gradients: Array
+    wall: Index | None = None
 
     def sets(self, chosen: Index, weights: Array) -> Sets:
         """Nodes (B, M) as sets with weights (B, M)."""

@@ -22,6 +22,7 @@ BESIDE_VOXELS = 3  # so far from what is surely empty a section is as wide as it
 _END_VOXELS = 3.0  # at a channel's ends the hull is rounded
 _RIM_VOXELS = 1.0  # the same at an end that shows the section: past it the hull rises as steeply as cameras look down
 _AT_END_VOXELS = 2  # there a channel shows its section; what crosses it in the middle is none of it
+_NECK_VOXELS = 2  # wide, what joins two regions at least
 _LEAST_CELLS = 12  # of a section's region that changes
 LEAST_PART_VOXELS = 60  # of one of several channels
 _BY_STEP_VOXELS = 2.0  # above and below a face a hull differs, though it may be off by a voxel
@@ -159,7 +160,7 @@ def _sections(
     volume = (columns > 0).sum(axis=0)
     most = columns.max(axis=0)
     hole = ndimage.binary_fill_holes(most > 0) & (most <= 0)
-    labels, count = ndimage.label((least < 0) & (most > 0))
+    labels, count = _parts((least < 0) & (most > 0))
     found = []
     for k in range(1, count + 1):
         member = labels == k
@@ -175,6 +176,16 @@ def _sections(
             in_hole = bool((hole & ndimage.binary_dilation(member)).any())
             found.append((outline, float(volume[member].sum()), in_hole))
     return found
+
+
+def _parts(empty: NDArray[np.bool_]) -> tuple[NDArray[np.integer], int]:
+    """(R, C) numbers of the regions of empty columns, and how many there are; necks of one voxel join none.
+
+    A hole across a tube's wall, of which silhouettes see little, would join what lies outside of it to its bore.
+    """
+    labels, count = ndimage.label(ndimage.binary_opening(empty, np.ones((_NECK_VOXELS, _NECK_VOXELS))))
+    beside = ndimage.grey_dilation(labels, (_NECK_VOXELS + 1, _NECK_VOXELS + 1))
+    return np.where(empty & (labels == 0), beside, labels), count
 
 
 def _spans(normal: Array, faces: Sequence[Plane], spacing: float) -> list[tuple[float, float, bool]]:

@@ -14,11 +14,13 @@ from scipy import ndimage
 from brepgaussian.splatting.concave.leaning import (
     countersunk,
     domed,
+    funnels,
     has_throat,
     oblique,
     stepped,
     tapered,
     to_best_dome,
+    to_best_funnel,
     to_best_taper,
 )
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
@@ -211,7 +213,20 @@ def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape
         most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]
         if sure and opening.score(shape)[0] < most and (not sunk or has_throat(opening.outline, shape)):
             best = shape
-    return _shouldered(opening, few, best)
+    return _shouldered(opening, few, _funnelled(opening, few, best))
+
+
+def _funnelled(opening: Opening, few: Opening, best: Shape) -> Shape:
+    """A funnel in place of a shape that is not straight, if that surely explains the rays better."""
+    if not (best.domed or best.draft):
+        return best
+    tried = [shape for shape in funnels(few, best) if few.score(shape)[0] < few.score(best)[0]]
+    found = [shape for shape in (to_best_funnel(opening, [shape]) for shape in tried) if shape is not None]
+    if not found:
+        return best
+    shape = opening.simplest(found)  # where something shows through, a hole is the simplest
+    sure = opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
+    return shape if sure and opening.score(shape)[0] < _LEANING * opening.score(best)[0] else best
 
 
 def _shouldered(opening: Opening, few: Opening, best: Shape) -> Shape:

@@ -146,6 +146,14 @@ def border_of(outline: Cells) -> Array:
     return np.concatenate(places)
 
 
+def circle_about(outline: Cells) -> Section:
+    """The least circle that holds an outline: of a round opening, parts may look like the face around it."""
+    import cv2
+
+    (x, y), radius = cv2.minEnclosingCircle(border_of(outline).astype(np.float32))
+    return circle((x, y, radius))
+
+
 def circle(p: Sequence[float]) -> Section:
     """A circle about (p[0], p[1]) of radius p[2], in cells."""
     return Section((p[0], p[1]), 0.0, Rounded((p[2], p[2]), p[2]))

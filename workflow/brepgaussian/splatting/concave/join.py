@@ -19,11 +19,14 @@ Lidded = tuple[Prism, Array]
 
 _OPPOSITE = 0.999  # cosine of 2.5 degrees
 _SAME_AREA = 1.5  # ratio of two outlines of one hole
+_SAME_RIM = 1.2  # the same, of a rim and a straight hole: throats are narrower by more
+_MOST_STRAIGHT_ERROR = 0.1  # of the rays contradict a hole that is straight; of true ones .02-.06 did
 _LEANING = 0.9  # cosine of 26 degrees
 _SAME_WAY = 0.99  # cosine of 8 degrees: between a hole's axis and the direction that an oblique mouth tells
 _STEEPEST = 0.5  # cosine of 60 degrees: between a hole's axis and the normal of an oblique mouth
 _BEYOND = 3.0  # unit frame: clear of the object
 _FAR_SIDE = 0.25  # quantile of what rays hit from there: those through an open middle hit the near side
+_UPWARDS = 0.2  # cosine: of what a hull leaves across a wide mouth, as skin
 _MOSTLY_GONE = 0.5  # of an opening: its border is the pocket's walls and floor
 _SAME_MOUTH = 0.8  # of a mouth lies in the other hole
 
@@ -32,7 +35,8 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
     """The same concavities, but two that face each other are one hole.
 
     If both are blind, but tell no floor, it goes through. If both go through, it reaches from one to the other, and if
-    their widths differ, the narrower is the hole: the other's outline is that of its chamfer.
+    their widths differ, the narrower is the hole: the other's outline is that of its chamfer. If only one of them is
+    countersunk, and the other goes straight down as wide as that one's rim, neither is.
 
     Args:
         prisms: concavities of one hull.
@@ -49,12 +53,21 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
                 left[narrow] = replace(left[narrow], depth=distance, through=True)
                 left[wide] = replace(left[wide], depth=min(left[wide].depth, distance))
             elif left[i].through and left[j].through:
+                if _is_straight_after_all(left[narrow], left[wide]):
+                    left[narrow] = replace(left[narrow], draft=0.0, sink=np.inf)
                 if left[narrow].depth < distance:
                     left[narrow] = replace(left[narrow], depth=distance)
                 wider = throat(left[wide]) - throat(left[narrow])
                 if wider > tolerance:
                     left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
     return left
+
+
+def _is_straight_after_all(sunk: Prism, other: Prism) -> bool:
+    """Whether a countersunk mouth is none, by what its hole's other mouth tells: near rims, light looks like that."""
+    if not sunk.rim or other.rim or other.error > _MOST_STRAIGHT_ERROR:
+        return False
+    return bool(max(sunk.area, other.area) <= _SAME_RIM * min(sunk.area, other.area))
 
 
 def square_ends(found: Sequence[Prism], tolerance: float) -> list[Prism]:
@@ -173,8 +186,11 @@ def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) 
 
 
 def _is_within(lid: Prism, pocket: Prism, tolerance: float) -> bool:
-    """Whether most of a concavity's opening is gone once another one around it is opened, which has a floor."""
-    if pocket.through:
+    """Whether most of a concavity's opening is gone once another one around it is opened.
+
+    That has a floor, or else the opening faces the same way: the far mouth of a hole is one more view of it.
+    """
+    if pocket.through and lid.lattice.normal @ pocket.lattice.normal < _UPWARDS:
         return False
     inside = pocket.signed_distance(lid.lattice.centers()[lid.outline], 0.0) < -tolerance
     return bool(inside.mean() > _MOSTLY_GONE)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,14 @@ _MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
 _LEAN_STEP = 0.04  # of draft, and relative of depth, at first
 _RIM_MOVES = ((1, 1), (-1, -1), (0, 1), (0, -1))  # of outline and sink: the rim or the throat moves
-_LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
+LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _MOST_SINK = 0.6  # of the half width
 _ROUND = 0.9  # of a circle's radius by its area, that lies within an outline; of a square .886 does
 _DOME_DEPTHS = 16
 _LEAST_STEP = 1.5  # cells above a shoulder
 _STEPS, _WIDER = 12, (0.6, 0.8, 1.0, 1.3, 1.7)  # depths of it that are tried, and widths, of a countersink's
+_HEIGHTS, _NARROWED = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6), (0.3, 0.5, 0.7, 0.9)  # of half the width: a funnel's cone
+_STEEPEST = 4.0  # of its draft, and of one over it: 14 degrees from flat, and from straight
 _LEAST_THROAT = 3.0  # cells, half the width; through a narrower one no view tells anything
 
 
@@ -71,6 +74,47 @@ def stepped(opening: Opening, sunk: Shape) -> Shape:
         yield from (replace(best, depth=best.depth + k * step) for k in (1, -1))
 
     return _descended(opening, best, moves, 1.0, possible=possible)
+
+
+def funnels(opening: Opening, best: Shape) -> list[Shape]:
+    """The best round concavities that are straight down to where a cone begins: through it, and blind below the cone.
+
+    None if the opening is not round; none through it if it shows no background.
+    """
+    width = float(-signed_outline(opening.outline).min())
+    if any(best.tilt) or width < _ROUND * opening.middle[1]:
+        return []
+    walls = [
+        replace(best, grow=0.0, domed=False, through=False, draft=draft, sink=narrower * width, step=share * width)
+        for share, narrower, draft in product(_HEIGHTS, _NARROWED, _DRAFTS)
+    ]
+    holes = [replace(w, depth=end, through=True) for w in walls for end in opening.ends if opening.holed]
+    found = to_best_funnel(opening, holes), to_best_funnel(opening, [_to_end(w) for w in walls])
+    return [shape for shape in found if shape is not None]
+
+
+def to_best_funnel(opening: Opening, shapes: Sequence[Shape]) -> Shape | None:
+    """The best funnel that small steps reach from the best of some; None if none is possible."""
+    width = float(-signed_outline(opening.outline).min())
+
+    def possible(shape: Shape) -> bool:
+        narrow = LEAST_SINK < shape.sink <= width + shape.grow - (_LEAST_THROAT if shape.through else 0.0)
+        leaning = 1 / _STEEPEST <= shape.draft <= _STEEPEST and shape.step >= _LEAST_STEP
+        return narrow and leaning and shape.step + shape.sink / shape.draft <= opening.deepest
+
+    def moves(best: Shape, step: float) -> Iterable[Shape]:
+        tried = [replace(best, grow=best.grow + g * step, sink=best.sink + k * step) for g, k in _RIM_MOVES]
+        tried += [replace(best, step=best.step + k * step) for k in (1, -1)]
+        tried += [replace(best, draft=best.draft * _COUNTERSINK_RATIO ** (k * step)) for k in (1, -1)]
+        yield from (shape if shape.through else _to_end(shape) for shape in tried)
+
+    best = min(filter(possible, shapes), key=opening.cost, default=None)
+    return None if best is None else _descended(opening, best, moves, 2.0, possible=possible)
+
+
+def _to_end(shape: Shape) -> Shape:
+    """A blind funnel down to where its cone ends."""
+    return replace(shape, depth=shape.step + shape.sink / shape.draft)
 
 
 def domed(opening: Opening, best: Shape) -> list[Shape]:
@@ -126,7 +170,7 @@ def to_best_taper(opening: Opening, shape: Shape) -> Shape:
 def has_throat(outline: NDArray[np.bool_], shape: Shape) -> bool:
     """Whether a countersink is more than a rim that is off, and leaves a hole."""
     width = shape.grow - float(signed_outline(outline).min())
-    return _LEAST_SINK < shape.sink <= _MOST_SINK * width and width - shape.sink >= _LEAST_THROAT
+    return LEAST_SINK < shape.sink <= _MOST_SINK * width and width - shape.sink >= _LEAST_THROAT
 
 
 def oblique(opening: Opening) -> Shape:

@@ -98,7 +98,8 @@ class Prism:
         above: how high the hull stands over the opening, where it fills the corner beside a hub.
         section: what the outline is a drawing of, if it is one of the usual ones; its walls are straight.
         islands: what stands on its floor and ends below its opening: straight, from a top (the lattice) down.
-        step: depth of a shoulder all around it, where it narrows by `sink` at once; `parted` makes two of it.
+        step: depth of a shoulder all around it, where it narrows by `sink` at once, or down to which the walls of a
+            funnel are straight; `parted` makes two of it.
         ring: whether its floor is a shoulder around a hole that is known: nothing else is sought in it.
     """
 
@@ -175,13 +176,17 @@ class Prism:
         return replace(self.lattice, origin=self.lattice.origin - depth * self.lattice.normal)
 
     def parted(self) -> tuple["Prism", "Prism"]:
-        """What lies above its shoulder, and the narrower rest."""
-        plain = replace(self, sink=np.inf, step=0.0)
-        narrow = signed_outline(self.outline) < -self.sink / self.lattice.pitch
-        wide = replace(plain, depth=self.step, endless=False, ring=True)
+        """What lies above its shoulder, and the rest, which is narrower or narrows."""
+        plain = replace(self, sink=np.inf, draft=0.0, step=0.0)
+        wide = replace(plain, depth=self.step, through=False, endless=False, ring=True)
+        if self.draft:
+            narrow, walls = self.outline, (self.draft, self.sink)
+        else:
+            narrow, walls = signed_outline(self.outline) < -self.sink / self.lattice.pitch, (0.0, np.inf)
         rest = replace(
-            plain, lattice=self.lowered(self.step), outline=narrow, depth=self.depth - self.step, section=None
-        )
+            plain, lattice=self.lowered(self.step), outline=narrow, depth=self.depth - self.step, section=None,
+            draft=walls[0], sink=walls[1],
+        )  # fmt: skip
         return wide, rest
 
     def _cap(self, cells: Array, height: Array) -> Array:

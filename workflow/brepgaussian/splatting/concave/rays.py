@@ -182,6 +182,21 @@ def exits_of_step(
     return np.where(wide < top, wide, np.where(narrow < 0, top, narrow))
 
 
+def exits_of_funnel(
+    rays: Rays, outline: NDArray[np.bool_], deepest: float, grow: float, draft: float, sink: float, top: float
+) -> Array:
+    """(N,) depth at which each ray meets the walls of an opening, which go straight down to a depth `top`.
+
+    Args:
+        rays, outline, deepest, grow: as for `exits`.
+        draft, sink: how far the outline shrinks for each cell of depth from there on, and at most.
+    """
+    wide = exits(rays, outline, deepest, grow)
+    below = replace(rays, entry=np.full(len(rays), top))
+    narrow = exits(below, outline, deepest, grow + draft * top, draft, sink + draft * top)
+    return np.where(wide < top, wide, np.where(narrow < 0, top, narrow))
+
+
 def exits_of_dome(rays: Rays, straight: Array, center: Array, top: float, radius: float, depth: float) -> Array:
     """(N,) depth at which each ray meets the walls of a round opening, or the spherical cap that is its floor.
 

@@ -12,7 +12,7 @@ from scipy import ndimage
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.radiance import LEAST_PASSING, PLACE_CELLS, disagreement
-from brepgaussian.splatting.concave.rays import Rays, exits, exits_of_dome, exits_of_step
+from brepgaussian.splatting.concave.rays import Rays, exits, exits_of_dome, exits_of_funnel, exits_of_step
 
 Array = NDArray[np.float64]
 Ends = tuple[float, ...]  # depths in cells at which a hole is through
@@ -41,7 +41,7 @@ class Shape:
     through: bool = False
     sink: float = np.inf
     domed: bool = False  # the floor is a spherical cap
-    step: float = 0.0  # depth of a shoulder all around, where it narrows by `sink` at once; 0 if there is none
+    step: float = 0.0  # depth of a shoulder, where it narrows by `sink` at once, or from where on by `draft`; 0 = none
     hollow: float = 0.0  # radius about the middle within which the floor is open: rays there tell nothing
 
     @property
@@ -114,7 +114,10 @@ class Opening:
         if shape.walls not in self._exits:
             sheared = replace(self.rays, sideways=self.rays.sideways - np.array(shape.tilt))
             deepest = self.deepest + 1
-            if shape.step:
+            if shape.step and shape.draft:
+                walls = shape.grow, shape.draft, shape.sink, shape.step
+                found = exits_of_funnel(sheared, self.outline, deepest, *walls)
+            elif shape.step:
                 found = exits_of_step(sheared, self.outline, deepest, shape.grow, shape.sink, shape.step)
             else:
                 found = exits(sheared, self.outline, deepest, shape.grow, shape.draft, shape.sink)

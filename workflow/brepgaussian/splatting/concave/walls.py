@@ -13,7 +13,7 @@ from scipy import ndimage
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend
-from brepgaussian.splatting.concave.draw import MOST_FAR, fitted
+from brepgaussian.splatting.concave.draw import MOST_FAR, circle_about, fitted
 from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 _PARALLEL = 0.999  # cosine of 2.5 degrees
 _SAME_CELLS = 1.5  # by which walls of one hole may seem to differ, seen from its two ends
+_DRAWN_MEAN, _DRAWN_CELLS = 1.5, 4.0  # where views show the rim of one end only: a round hole's other is drawn square
+_FEW_BEYOND = 0.1  # of its cells
 _SAMPLES = 64  # of a section's border
 _NOTABLE_CELLS = 0.7  # from a rim to the cells: less is what cells are off by
 _FEW_RAYS = 20  # that tell something, for them to judge
@@ -67,10 +69,14 @@ def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: floa
     rough = None if prism.domed else fitted(prism.outline, opened)
     if rough is None:
         return prism
-    section = at_rim(rough, rectify(images, scene, prism.lattice), images.views.cameras.centers, images.tolerance)
+    stack, centers = rectify(images, scene, prism.lattice), images.views.cameras.centers
+    section = at_rim(rough, stack, centers, images.tolerance)
     if section is None:
         logger.info("opening of area %.4f: its rim is no %s", prism.area, rough.shape)
-        return prism
+        section = at_rim(circle_about(prism.outline), stack, centers, images.tolerance)
+        if section is None or not section.at_rim:
+            return prism
+        rough = section
     logger.info("opening of area %.4f: %s cells, misfit %.2f", prism.area, section.shape, section.misfit)
     at_cells, result = replace(prism, section=rough), replace(prism, section=section)
     if np.abs(rough.signed_distance(section.border(_SAMPLES))).max() < _NOTABLE_CELLS:
@@ -99,8 +105,8 @@ def agreed(prisms: Sequence[Prism]) -> list[Prism]:
     told = [prism for prism in result if prism.section is not None and prism.section.at_rim]
     for k, prism in enumerate(result):
         if prism.section is None:
-            ends = (_like(prism, other) for other in told if _are_straight(prism, other))
-            result[k] = next((end for end in ends if _fits(end)), prism)
+            ends = ((_like(prism, other), _are_ends(prism, other)) for other in told if _are_straight(prism, other))
+            result[k] = next((end for end, opposite in ends if _fits(end, opposite)), prism)
     return result
 
 
@@ -110,12 +116,18 @@ def _like(prism: Prism, other: Prism) -> Prism:
     return replace(prism, section=throat.grown(_sink(prism)))
 
 
-def _fits(prism: Prism) -> bool:
-    """Whether a concavity's section goes along its outline of cells, and holds all of it."""
+def _fits(prism: Prism, opposite: bool) -> bool:
+    """Whether a concavity's section goes along its outline of cells, and holds all of it.
+
+    It does so less where it is that of the `opposite` mouth, whose rim views show: there is no other hole.
+    """
     outline, section = replace(prism, section=None), _drawing(prism)
-    along = np.abs(outline.lateral(section.border(_SAMPLES))).max() < MOST_FAR * prism.lattice.pitch
+    off = np.abs(outline.lateral(section.border(_SAMPLES))) / prism.lattice.pitch
     # a bore is open wherever the recess about its hub is looked into, and its border one of the recess's
-    return bool(along and section.signed_distance(np.argwhere(prism.outline).astype(float)).max() < MOST_FAR)
+    beyond = section.signed_distance(np.argwhere(prism.outline).astype(float)) >= MOST_FAR
+    if opposite and off.mean() < _DRAWN_MEAN and off.max() < _DRAWN_CELLS:
+        return bool(beyond.mean() < _FEW_BEYOND)
+    return bool(off.max() < MOST_FAR and not beyond.any())
 
 
 def _holes(prisms: Sequence[Prism]) -> dict[int, int]:
@@ -143,7 +155,15 @@ def _same_walls(one: Prism, other: Prism) -> bool:
     if not _are_straight(one, other):
         return False
     there = _carried(_throat(other), other.lattice, one.lattice)
-    return bool(np.abs(_throat(one).signed_distance(there.border(_SAMPLES))).max() < _SAME_CELLS)
+    off = np.abs(_throat(one).signed_distance(there.border(_SAMPLES)))
+    if _are_ends(one, other) and _drawing(one).at_rim != _drawing(other).at_rim:
+        return bool(off.mean() < _DRAWN_MEAN and off.max() < _DRAWN_CELLS)
+    return bool(off.max() < _SAME_CELLS)
+
+
+def _are_ends(one: Prism, other: Prism) -> bool:
+    """Whether two parallel concavities may be a hole's opposite mouths."""
+    return bool(one.through and other.through and one.lattice.normal @ other.lattice.normal < 0)
 
 
 def _are_straight(one: Prism, other: Prism) -> bool:
