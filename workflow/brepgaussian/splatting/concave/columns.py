@@ -38,12 +38,14 @@ class Cut:
         volume: in voxels.
         at_ends: whether both ends of each column are empty; else it is empty somewhere.
         in_hole: whether it widens a hole that goes through from face to face.
+        necked: whether regions of its section are joined by necks alone; they are cuts of their own, too.
     """
 
     prisms: tuple[Prism, ...]
     volume: float
     at_ends: bool
     in_hole: bool = False
+    necked: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def cuts(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
     return [
         cut
         for bottom, top, crossed in _spans(normal, faces, hull.spacing)
-        for cut in _between(columns, bottom, top, crossed)
+        for cut in _between(columns, bottom, top, crossed, wholes=True)
     ]
 
 
@@ -126,8 +128,11 @@ def holes(hull: Volume, normal: Array, faces: Sequence[Plane]) -> list[Cut]:
     return sorted(found, key=lambda cut: -cut.prisms[0].depth)
 
 
-def _between(columns: Columns, bottom: float, top: float, crossed: bool) -> list[Cut]:
-    """Columns between two heights that are empty at both ends and, if nothing crosses them, somewhere."""
+def _between(columns: Columns, bottom: float, top: float, crossed: bool, wholes: bool = False) -> list[Cut]:
+    """Columns between two heights that are empty at both ends and, if nothing crosses them, somewhere.
+
+    Of the latter also `wholes`, whatever necks join.
+    """
     inner = columns.between(bottom, top, _END_VOXELS)
     if not len(inner):
         return []
@@ -137,9 +142,10 @@ def _between(columns: Columns, bottom: float, top: float, crossed: bool) -> list
     if not crossed:
         sections.insert(0, (anywhere, anywhere, False))
     return [
-        Cut((columns.prism(outline, bottom, top),), volume, open_ended, in_hole and not crossed)
+        Cut((columns.prism(outline, bottom, top),), volume, open_ended, in_hole and not crossed, necked)
         for least, widest, open_ended in sections
-        for outline, volume, in_hole in _sections(least, widest, inner, columns.spacing)
+        for necked in (False, True)[: 2 if wholes and not open_ended else 1]
+        for outline, volume, in_hole in _sections(least, widest, inner, columns.spacing, necked)
     ]
 
 
@@ -149,21 +155,26 @@ def _at_ends(columns: Field) -> Field:
 
 
 def _sections(
-    least: Field, widest: Field, columns: Field, spacing: float
+    least: Field, widest: Field, columns: Field, spacing: float, necked: bool = False
 ) -> list[tuple[NDArray[np.bool_], float, bool]]:
     """Outlines (finer by `FINER`) of regions of columns (K, R, C) that are full somewhere, volumes in voxels, and
     whether each is beside a hole.
 
     Args:
         least: (R, C) negative where a column counts as empty; widest: the same, for those beside such a region.
+        columns, spacing: the hull's; necked: only what necks join.
     """
     volume = (columns > 0).sum(axis=0)
     most = columns.max(axis=0)
     hole = ndimage.binary_fill_holes(most > 0) & (most <= 0)
-    labels, count = _parts((least < 0) & (most > 0))
+    empty = (least < 0) & (most > 0)
+    parts, part_count = _parts(empty)
+    labels, count = ndimage.label(empty) if necked else (parts, part_count)
     found = []
     for k in range(1, count + 1):
         member = labels == k
+        if necked and len(np.unique(parts[member & (parts > 0)])) < 2:
+            continue
         if member.sum() < _LEAST_CELLS or volume[member].sum() < LEAST_PART_VOXELS:
             continue
         beside = ndimage.binary_dilation(member, iterations=BESIDE_VOXELS)

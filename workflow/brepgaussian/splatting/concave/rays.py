@@ -191,10 +191,13 @@ def exits_of_funnel(
         rays, outline, deepest, grow: as for `exits`.
         draft, sink: how far the outline shrinks for each cell of depth from there on, and at most.
     """
+    end = min(top + sink / draft, deepest)
     wide = exits(rays, outline, deepest, grow)
-    below = replace(rays, entry=np.full(len(rays), top))
-    narrow = exits(below, outline, deepest, grow + draft * top, draft, sink + draft * top)
-    return np.where(wide < top, wide, np.where(narrow < 0, top, narrow))
+    cone, throat = (replace(rays, entry=np.full(len(rays), depth)) for depth in (top, end))
+    on_cone = exits(cone, outline, end, grow + draft * top, draft)
+    below = exits(throat, outline, deepest, grow - sink)
+    below = np.where(on_cone < 0, top, np.where(on_cone < end, on_cone, np.where(below < 0, end, below)))
+    return np.where(wide < top, wide, below)
 
 
 def exits_of_dome(rays: Rays, straight: Array, center: Array, top: float, radius: float, depth: float) -> Array:

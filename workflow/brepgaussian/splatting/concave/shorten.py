@@ -37,7 +37,7 @@ def shortened(images: Images, hull: Volume, prism: Prism, margin: float) -> Pris
     short = replace(prism, depth=end)
     first, both = hull.without(short, margin), hull.without(prism, margin)
     old, new, count = said = disagreements(images, first.scene(), both.scene(), 2 * hull.spacing)
-    on = better(said, _GAIN, 1, untold=pierced)
+    on = better(said, 1.0 if pierced else _GAIN, 1, untold=pierced)  # what silhouettes show needs no more than that
     logger.info(
         "hole through the first wall only (%.4f): views disagree by %.2f, by %.2f if it goes on, %d rays%s%s",
         end, old, new, count, ", open in a part of the hull" if pierced else "", ": it does" if on else "",

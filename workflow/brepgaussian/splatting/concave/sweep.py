@@ -39,7 +39,8 @@ _SHUT = 0.5  # of a channel's section lies behind faces without a hole there
 _SHORTER = (0.5, 0.7)  # of a column's length, from either end: what a wide bore's funnel in a hull would really be
 _MOST_CUTS = 4  # channels of one part
 _MOST_CHECKED = 12  # hypotheses of one direction, largest first
-_MOST_TRIED = 6  # of all directions, for the next cut, largest first
+_MOST_TRIED = 6  # of all directions, for the next cut, largest first,
+_MOST_NECKED = 2  # and of those whose parts are among them
 
 logger = log.get_logger("stage1")
 
@@ -65,7 +66,9 @@ def straighten(images: Images, hull: Volume, faces: Sequence[Outlined] = ()) -> 
         flat = [r for r in regions if r.bend < _MOST_BEND]
         every = [c for normal in directions(flat) for c in _possible(chords, samples, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
-        for cut in sorted(every, key=lambda c: -c.volume)[:_MOST_TRIED]:
+        largest = sorted(every, key=lambda c: -c.volume)
+        necked = [c for c in largest if c.necked][:_MOST_NECKED]  # what parts of them do not explain
+        for cut in [c for c in largest if not c.necked][:_MOST_TRIED] + necked:
             if any(_is_shut(prism, faces, hull.spacing, not cut.at_ends) for prism in cut.prisms):
                 continue
             opened, good = _judged(images, hull, cut)
