@@ -213,16 +213,17 @@ def test_a_hole_through_a_tubes_wall_does_not_join_what_is_around_it_to_its_bore
     x, y, z = np.moveaxis(GRID - 0.5, -1, 0)
     away = np.hypot(x, y)
     wall = np.minimum(0.35 - np.maximum(z - 0.2, 0) - away, away - 0.15 - 0.05 * (z < 0.1))
-    slit = np.minimum.reduce([0.006 - np.abs(y - 0.001), 0.05 - np.abs(z), -x])
+    slit = np.minimum.reduce([0.008 - np.abs(y - 0.001), 0.05 - np.abs(z), -x])
     field = np.minimum.reduce([wall, -slit, 0.3 - np.abs(z)])
     hull = Volume(field.astype(np.float32), np.zeros(3), SPACING)
     ends = [SimpleNamespace(normal=s * UP, offset=0.3 + s * 0.5) for s in (1.0, -1.0)]
-    somewhere = [c.prisms[0] for c in cuts(hull, UP, ends) if not c.at_ends]
-    assert somewhere
-    in_wall = np.array([[0.25, 0.5, 0.3], [0.25, 0.5, 0.7]])
-    assert all((prism.signed_distance(in_wall, 0.0) > 0).all() for prism in somewhere)
-    in_bore = np.array([[0.5 + 0.17, 0.5, 0.7]])
-    assert any((prism.signed_distance(in_bore, 0.0) < 0).all() for prism in somewhere)
+    somewhere = [c for c in cuts(hull, UP, ends) if not c.at_ends]
+    parts, wholes = ([c.prisms[0] for c in somewhere if c.necked == necked] for necked in (False, True))
+    in_wall, in_bore = np.array([[0.25, 0.5, 0.3], [0.25, 0.5, 0.7]]), np.array([[0.67, 0.5, 0.7]])
+    assert all((prism.signed_distance(in_wall, 0.0) > 0).all() for prism in parts)
+    assert any((prism.signed_distance(in_bore, 0.0) < 0).all() for prism in parts)
+    (whole,) = wholes  # tried after its parts
+    assert (whole.signed_distance(np.concatenate([in_wall, in_bore]), 0.0) < 0).all()
 
 
 @pytest.mark.parametrize(("lean", "kept"), [(0.15, 1), (0.0, 2), (0.9, 2)])

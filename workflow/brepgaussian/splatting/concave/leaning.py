@@ -19,7 +19,7 @@ _MOST_DRAFT = 1.5
 _FINEST_LEAN = 0.01
 _LEAN_STEP = 0.04  # of draft, and relative of depth, at first
 _RIM_MOVES = ((1, 1), (-1, -1), (0, 1), (0, -1))  # of outline and sink: the rim or the throat moves
-LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
+_LEAST_SINK = 1.5  # cells; a smaller countersink is a rim that is off
 _MOST_SINK = 0.6  # of the half width
 _ROUND = 0.9  # of a circle's radius by its area, that lies within an outline; of a square .886 does
 _DOME_DEPTHS = 16
@@ -98,7 +98,7 @@ def to_best_funnel(opening: Opening, shapes: Sequence[Shape]) -> Shape | None:
     width = float(-signed_outline(opening.outline).min())
 
     def possible(shape: Shape) -> bool:
-        narrow = LEAST_SINK < shape.sink <= width + shape.grow - (_LEAST_THROAT if shape.through else 0.0)
+        narrow = _LEAST_SINK < shape.sink <= width + shape.grow - (_LEAST_THROAT if shape.through else 0.0)
         leaning = 1 / _STEEPEST <= shape.draft <= _STEEPEST and shape.step >= _LEAST_STEP
         return narrow and leaning and shape.step + shape.sink / shape.draft <= opening.deepest
 
@@ -170,7 +170,7 @@ def to_best_taper(opening: Opening, shape: Shape) -> Shape:
 def has_throat(outline: NDArray[np.bool_], shape: Shape) -> bool:
     """Whether a countersink is more than a rim that is off, and leaves a hole."""
     width = shape.grow - float(signed_outline(outline).min())
-    return LEAST_SINK < shape.sink <= _MOST_SINK * width and width - shape.sink >= _LEAST_THROAT
+    return _LEAST_SINK < shape.sink <= _MOST_SINK * width and width - shape.sink >= _LEAST_THROAT
 
 
 def oblique(opening: Opening) -> Shape:
