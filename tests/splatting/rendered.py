@@ -1,8 +1,11 @@
-"""Views and truth of solids that a test draws."""
+"""Views and truth of solids that a test draws, and how much of the truth a hull of them misses."""
 
+import numpy as np
 from brepgaussian.artifacts.truth import Truth, read_truth
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.settings.views import ViewsSettings
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 from build123d import export_step
 
@@ -14,3 +17,16 @@ def rendered(tmp_path, part, count: int = 30, size: int = 400) -> tuple[Views, T
     files = {"out_views": tmp_path / "views.h5", "out_truth": tmp_path / "truth.h5"}
     make_views(object_name="part", source="step", path=str(tmp_path / "part.step"), settings=settings, **files)
     return read_views(files["out_views"]), read_truth(files["out_truth"])
+
+
+def missed(views: Views, truth: Truth) -> tuple[float, float]:
+    """Shares of the truth's volume by which the carved hull has too much, and too little, 1.5 cells off its faces."""
+    hull, _ = carve(views, 128, concavities=True)
+    solid = Scene(truth.mesh_vertices, truth.mesh_triangles)
+    found = Scene(hull.vertices, hull.triangles)
+    low, high = truth.mesh_vertices.min(axis=0), truth.mesh_vertices.max(axis=0)
+    points = np.random.default_rng(1).uniform(low, high, (100_000, 3))
+    near, real = found.signed_distance(points), solid.signed_distance(points)
+    clear = np.abs(real) > 1.5 / 128
+    inside = (real < 0).sum()
+    return ((near < 0) & (real > 0) & clear).sum() / inside, ((near > 0) & (real < 0) & clear).sum() / inside

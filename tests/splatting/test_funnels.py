@@ -12,8 +12,7 @@ from brepgaussian.splatting.hull import carve
 from build123d import Align, Axis, Box, BuildPart, BuildSketch, Cylinder, Mode, Plane, Polygon, Pos, revolve
 from hypothesis import given
 from hypothesis import strategies as st
-from rendered import rendered
-from test_steps_of_pockets import missed
+from rendered import missed, rendered
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 RADIUS, SINK, TOP, DRAFT = 20.0, 12.0, 8.0, 0.75  # cells

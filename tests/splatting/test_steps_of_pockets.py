@@ -5,12 +5,11 @@ import pytest
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rays import Rays, exits_of_step
 from brepgaussian.splatting.concave.rimmed import _turned
-from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.hull import carve
 from build123d import Align, Axis, Box, Pos, chamfer
 from hypothesis import given
 from hypothesis import strategies as st
-from rendered import rendered
+from rendered import missed, rendered
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 HALF, SINK, TOP = 20.0, 5.0, 8.0  # cells: of a square opening, and of its shoulder
@@ -59,19 +58,6 @@ def test_a_turned_lattice_keeps_its_middle():
     axes = np.stack([turned.first, turned.second, turned.normal])
     assert np.allclose(axes @ axes.T, np.eye(3))
     assert np.linalg.det(axes) > 0
-
-
-def missed(views, truth):
-    """Shares of the truth's volume by which the carved hull has too much, and too little, 1.5 cells off its faces."""
-    hull, _ = carve(views, 128, concavities=True)
-    solid = Scene(truth.mesh_vertices, truth.mesh_triangles)
-    found = Scene(hull.vertices, hull.triangles)
-    low, high = truth.mesh_vertices.min(axis=0), truth.mesh_vertices.max(axis=0)
-    points = np.random.default_rng(1).uniform(low, high, (100_000, 3))
-    near, real = found.signed_distance(points), solid.signed_distance(points)
-    clear = np.abs(real) > 1.5 / 128
-    inside = (real < 0).sum()
-    return ((near < 0) & (real > 0) & clear).sum() / inside, ((near > 0) & (real < 0) & clear).sum() / inside
 
 
 @pytest.mark.parametrize(("rim", "lip", "drop"), [(2.5, 0.0, 0.0), (2.0, 2.0, 4.0)])

@@ -144,8 +144,9 @@ def _between(columns: Columns, bottom: float, top: float, crossed: bool, wholes:
     return [
         Cut((columns.prism(outline, bottom, top),), volume, open_ended, in_hole and not crossed, necked)
         for least, widest, open_ended in sections
-        for necked in (False, True)[: 2 if wholes and not open_ended else 1]
-        for outline, volume, in_hole in _sections(least, widest, inner, columns.spacing, necked)
+        for outline, volume, in_hole, necked in _sections(
+            least, widest, inner, columns.spacing, wholes and not open_ended
+        )
     ]
 
 
@@ -155,26 +156,28 @@ def _at_ends(columns: Field) -> Field:
 
 
 def _sections(
-    least: Field, widest: Field, columns: Field, spacing: float, necked: bool = False
-) -> list[tuple[NDArray[np.bool_], float, bool]]:
+    least: Field, widest: Field, columns: Field, spacing: float, wholes: bool
+) -> list[tuple[NDArray[np.bool_], float, bool, bool]]:
     """Outlines (finer by `FINER`) of regions of columns (K, R, C) that are full somewhere, volumes in voxels, and
-    whether each is beside a hole.
+    whether each is beside a hole, and is joined by necks.
 
     Args:
         least: (R, C) negative where a column counts as empty; widest: the same, for those beside such a region.
-        columns, spacing: the hull's; necked: only what necks join.
+        columns, spacing: the hull's; wholes: whether what necks join is a region, too.
     """
     volume = (columns > 0).sum(axis=0)
     most = columns.max(axis=0)
     hole = ndimage.binary_fill_holes(most > 0) & (most <= 0)
     empty = (least < 0) & (most > 0)
-    parts, part_count = _parts(empty)
-    labels, count = ndimage.label(empty) if necked else (parts, part_count)
+    parts = _parts(empty)
+    regions = [(parts, k, False) for k in range(1, int(parts.max(initial=0)) + 1)]
+    if wholes:
+        joined, count = ndimage.label(empty)
+        several = (np.unique(parts[(joined == k) & (parts > 0)]) for k in range(1, count + 1))
+        regions += [(joined, k, True) for k, inside in enumerate(several, start=1) if len(inside) > 1]
     found = []
-    for k in range(1, count + 1):
+    for labels, k, necked in regions:
         member = labels == k
-        if necked and len(np.unique(parts[member & (parts > 0)])) < 2:
-            continue
         if member.sum() < _LEAST_CELLS or volume[member].sum() < LEAST_PART_VOXELS:
             continue
         beside = ndimage.binary_dilation(member, iterations=BESIDE_VOXELS)
@@ -185,18 +188,18 @@ def _sections(
         outline = (fine < 0) & near
         if outline.any():
             in_hole = bool((hole & ndimage.binary_dilation(member)).any())
-            found.append((outline, float(volume[member].sum()), in_hole))
+            found.append((outline, float(volume[member].sum()), in_hole, necked))
     return found
 
 
-def _parts(empty: NDArray[np.bool_]) -> tuple[NDArray[np.integer], int]:
-    """(R, C) numbers of the regions of empty columns, and how many there are; necks of one voxel join none.
+def _parts(empty: NDArray[np.bool_]) -> NDArray[np.integer]:
+    """(R, C) numbers from 1 of the regions of empty columns; necks of one voxel join none.
 
     A hole across a tube's wall, of which silhouettes see little, would join what lies outside of it to its bore.
     """
-    labels, count = ndimage.label(ndimage.binary_opening(empty, np.ones((_NECK_VOXELS, _NECK_VOXELS))))
+    labels, _ = ndimage.label(ndimage.binary_opening(empty, np.ones((_NECK_VOXELS, _NECK_VOXELS))))
     beside = ndimage.grey_dilation(labels, (_NECK_VOXELS + 1, _NECK_VOXELS + 1))
-    return np.where(empty & (labels == 0), beside, labels), count
+    return np.where(empty & (labels == 0), beside, labels)
 
 
 def _spans(normal: Array, faces: Sequence[Plane], spacing: float) -> list[tuple[float, float, bool]]:

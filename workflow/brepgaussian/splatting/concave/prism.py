@@ -179,15 +179,10 @@ class Prism:
         """What lies above its shoulder, and the rest, which is narrower or narrows."""
         plain = replace(self, sink=np.inf, draft=0.0, step=0.0)
         wide = replace(plain, depth=self.step, through=False, endless=False, ring=True)
+        rest = replace(plain, lattice=self.lowered(self.step), depth=self.depth - self.step, section=None)
         if self.draft:
-            narrow, walls = self.outline, (self.draft, self.sink)
-        else:
-            narrow, walls = signed_outline(self.outline) < -self.sink / self.lattice.pitch, (0.0, np.inf)
-        rest = replace(
-            plain, lattice=self.lowered(self.step), outline=narrow, depth=self.depth - self.step, section=None,
-            draft=walls[0], sink=walls[1],
-        )  # fmt: skip
-        return wide, rest
+            return wide, replace(rest, draft=self.draft, sink=self.sink)
+        return wide, replace(rest, outline=signed_outline(self.outline) < -self.sink / self.lattice.pitch)
 
     def _cap(self, cells: Array, height: Array) -> Array:
         """(N,) distance to the spherical floor, negative within the sphere and above its widest place in the walls."""

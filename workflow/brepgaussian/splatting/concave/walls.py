@@ -76,7 +76,7 @@ def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: floa
         section = at_rim(circle_about(prism.outline), stack, centers, images.tolerance)
         if section is None or not section.at_rim:
             return prism
-        rough = section
+        rough = section  # the cells tell nothing to weigh it against
     logger.info("opening of area %.4f: %s cells, misfit %.2f", prism.area, section.shape, section.misfit)
     at_cells, result = replace(prism, section=rough), replace(prism, section=section)
     if np.abs(rough.signed_distance(section.border(_SAMPLES))).max() < _NOTABLE_CELLS:
@@ -125,7 +125,7 @@ def _fits(prism: Prism, opposite: bool) -> bool:
     off = np.abs(outline.lateral(section.border(_SAMPLES))) / prism.lattice.pitch
     # a bore is open wherever the recess about its hub is looked into, and its border one of the recess's
     beyond = section.signed_distance(np.argwhere(prism.outline).astype(float)) >= MOST_FAR
-    if opposite and off.mean() < _DRAWN_MEAN and off.max() < _DRAWN_CELLS:
+    if opposite and _drawn_alike(off):
         return bool(beyond.mean() < _FEW_BEYOND)
     return bool(off.max() < MOST_FAR and not beyond.any())
 
@@ -157,8 +157,13 @@ def _same_walls(one: Prism, other: Prism) -> bool:
     there = _carried(_throat(other), other.lattice, one.lattice)
     off = np.abs(_throat(one).signed_distance(there.border(_SAMPLES)))
     if _are_ends(one, other) and _drawing(one).at_rim != _drawing(other).at_rim:
-        return bool(off.mean() < _DRAWN_MEAN and off.max() < _DRAWN_CELLS)
+        return _drawn_alike(off)
     return bool(off.max() < _SAME_CELLS)
+
+
+def _drawn_alike(off: Array) -> bool:
+    """Whether cells may have drawn a wall so far (N,) off along its border, of which views show the other end's rim."""
+    return bool(off.mean() < _DRAWN_MEAN and off.max() < _DRAWN_CELLS)
 
 
 def _are_ends(one: Prism, other: Prism) -> bool:
