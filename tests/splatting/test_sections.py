@@ -9,7 +9,7 @@ from brepgaussian.splatting.concave import walls
 from brepgaussian.splatting.concave.draw import border_of, fitted
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Lattice, Prism
-from brepgaussian.splatting.concave.rims import at_rim
+from brepgaussian.splatting.concave.rims import at_rim, rim_of
 from brepgaussian.splatting.concave.sections import Flatted, Keyed, Polygon, Rounded, Section
 from brepgaussian.splatting.concave.walls import Walls, agreed
 from hypothesis import assume, given
@@ -323,6 +323,25 @@ def test_without_a_rim_the_cells_count():
         blind = replace(stack, grey=np.full_like(stack.grey, grey))
         assert at_rim(section, blind, centers, 1.5) == section
         assert at_rim(replace(section, misfit=0.3), blind, centers, 1.5) is None
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_section_that_reaches_into_walls_moves_only_where_its_rim_can_be_seen(turn):
+    true = Section(CENTER, turn, Rounded((15.0, 12.0), 0.0))
+    stack, centers = rim_seen(true, 0.3)
+
+    def covered(at):  # in the walls of a corner
+        local = (at - np.array(CENTER)) @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        return (local > np.array([8.0, 6.0])).any(axis=1)
+
+    stack = replace(stack, grey=np.where(covered(GRID.reshape(-1, 2)).reshape(SHAPE), np.nan, stack.grey))
+    way = np.array([np.cos(turn), np.sin(turn)])
+    rough = replace(true, center=tuple(CENTER - 0.75 * way), shape=Rounded((15.75, 12.0), 0.0))  # one side 1.5 off
+    found = rim_of(rough, stack, centers, 1.5, 0.3, covered)
+    assert found is not None
+    assert found.told > 0.6
+    places = true.border(200)
+    assert np.abs(found.section.signed_distance(places[~true.near_corners(places, 1.5)])).max() < 0.25
 
 
 def test_a_rim_of_another_shape_is_no_section():

@@ -15,10 +15,10 @@ from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import mean_cost, rays_at_object
 from brepgaussian.splatting.concave.draw import circle, fitted
 from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
-from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rims import Rim, rim_of
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sections import Section
+from brepgaussian.splatting.concave.sections import Rounded, Section
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ Cells = NDArray[np.bool_]
 _HIDING_CELLS = 2  # half the width of what hides the floor, at least
 _AGREED = (0.9, SURFACE_SHARE, 0.7)  # share of a cell's views that agree on a top
 _LEAST_HEIGHT_CELLS = 4.0  # of a boss, and from its top to the rim: floors are told to a cell or two
-_STEP_CELLS = 1.5  # between the planes: a top is told from a cell above and below
+_STEP_CELLS = 0.75  # between the planes: farther than half of that from a top, views agree about it less
 _BORDER_CELLS = 3  # along a pocket's walls views disagree about its floor
 _WIDER_CELLS = 12  # a top is wider than what hides the floor, where both have one grey
 _BESIDE_CELLS = 4  # around a top, where its rim is sought
@@ -39,11 +39,14 @@ _FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a 
 _RING_SHARE = 0.7  # of the ring is not what it seems to be
 _HIDDEN_SHARE = 0.5  # of a top hides the floor
 _LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
+_IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
 _STRIDE_PX = 2  # between the rays that judge a boss
 _FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's height
 _TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
 _SIZES = 1.03  # ratio of sections that are meant to be one
 _OVERLAP = 0.2  # of a top, that may be another one's
+_TURNS = 2  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
+_TRIED_CELLS = 2.0  # between the height of a top that views don't believe and that of one which is worth a try
 _GAIN = 0.6  # share of the views' disagreement that a boss leaves at most where it is
 _LEAST_OFF = 0.5  # tolerances by which views disagree about what would be seen if there were none
 _LEAST_RAYS = 20  # that tell something, for them to judge
@@ -77,25 +80,51 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
     hidden = _hidden(images, cut, prism)
     if not hidden.any():
         return prism
-    chosen: list[_Top] = []
-    for top in sorted(_tops(images, cut, prism, hidden), key=lambda top: -top.contrast):
-        taken = np.any([np.zeros_like(top.outline), *(other.outline for other in chosen)], axis=0)
-        if (top.outline & taken).sum() <= _OVERLAP * top.outline.sum():
-            chosen.append(top)
-    islands = [_island(prism, _levelled(images, cut, prism, top)) for top in chosen]
-    whole = replace(prism, islands=tuple(islands))
-    kept = _seen(images, hull.without(whole, margin).scene(), cut, islands) if islands else []
-    level = [i for i in islands if any(abs(i.depth - k.depth) <= _LEVEL_CELLS * pitch for k in kept)]
-    if len(level) > len(kept):  # once more without what stood before them and is none
-        kept = _seen(images, hull.without(replace(prism, islands=tuple(level)), margin).scene(), cut, level)
+    tops = sorted(_tops(images, cut, prism, hidden), key=lambda top: -top.contrast)
+    kept: list[Prism] = []
+    wrong: list[Prism] = []
+    for _ in range(_TURNS):
+        turn = [_island(prism, _levelled(images, cut, prism, top)) for top in _turn(prism, tops, kept, wrong)]
+        if not turn:
+            break
+        islands = [*kept, *turn]
+        kept = _believed(images, hull, prism, margin, cut, islands)
+        wrong += [island for island in islands if not any(island is one for one in kept)]
     logger.info(
         "pocket of area %.4f: %d bosses in it, of heights %s, %d others not believed",
-        prism.area, len(kept), [round(i.depth, 4) for i in kept], len(islands) - len(kept),
+        prism.area, len(kept), [round(i.depth, 4) for i in kept], len(wrong),
     )  # fmt: skip
     if not kept:
         return prism
     standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
-    return replace(prism, islands=tuple(_drawn(images, standing, kept)))
+    return replace(prism, islands=tuple(_drawn(images, standing, prism, kept)))
+
+
+def _turn(prism: Prism, tops: Sequence[_Top], kept: Sequence[Prism], wrong: Sequence[Prism]) -> list[_Top]:
+    """Tops, best first, that overlap with none of them, with no boss that is known, and are not tried yet."""
+    chosen: list[_Top] = []
+    taken = np.any([np.zeros_like(prism.outline), *(island.outline for island in kept)], axis=0)
+    for top in tops:
+        height, most = prism.depth - top.depth, _OVERLAP * top.outline.sum()
+        alike = [i for i in wrong if abs(i.depth - height) <= _TRIED_CELLS * prism.lattice.pitch]
+        if (top.outline & taken).sum() <= most and all((top.outline & i.outline).sum() <= most for i in alike):
+            chosen.append(top)
+            taken |= top.outline
+    return chosen
+
+
+def _believed(
+    images: Images, hull: Volume, prism: Prism, margin: float, cut: Scene, islands: Sequence[Prism]
+) -> list[Prism]:
+    """The bosses that views believe, those of one height looked at again without what stood before them."""
+
+    def standing(some: Sequence[Prism]) -> Scene:
+        return hull.without(replace(prism, islands=tuple(some)), margin).scene()
+
+    kept = _seen(images, standing(islands), cut, islands)
+    pitch = prism.lattice.pitch
+    level = [i for i in islands if any(abs(i.depth - k.depth) <= _LEVEL_CELLS * pitch for k in kept)]
+    return _seen(images, standing(level), cut, level) if len(level) > len(kept) else kept
 
 
 def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
@@ -174,13 +203,13 @@ def _on(island: Prism, points: Array) -> NDArray[np.bool_]:
     return np.asarray((island.lateral(cells) < near) & (height < near) & (height > -island.depth + near))
 
 
-def _drawn(images: Images, standing: Scene, islands: Sequence[Prism]) -> list[Prism]:
+def _drawn(images: Images, standing: Scene, prism: Prism, islands: Sequence[Prism]) -> list[Prism]:
     """Bosses with the sections that their outlines are drawings of, and at the heights that their rims tell.
 
     In a pocket few views show all of a rim. A section that a part of it tells is one that another boss has, too. Those
     of nearly one height are of one.
     """
-    rims = [_rim(images, standing, island) for island in islands]
+    rims = [_rim(images, standing, prism, island) for island in islands]
     told = [(rim, i) for rim, i in zip(rims, islands, strict=True) if rim is not None and rim.told >= _TOLD]
     result = []
     for island, rim in zip(islands, rims, strict=True):
@@ -196,12 +225,15 @@ def _drawn(images: Images, standing: Scene, islands: Sequence[Prism]) -> list[Pr
     return result
 
 
-def _rim(images: Images, standing: Scene, island: Prism) -> Rim | None:
+def _rim(images: Images, standing: Scene, prism: Prism, island: Prism) -> Rim | None:
     """The rim of a boss's top that is told best."""
     around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + _RING_CELLS)
     stack = across(images, standing, island.lattice, around)
     centers = images.views.cameras.centers
     rims = [rim_of(rough, stack, centers, images.tolerance, _LEAST_TOLD) for rough in _rough(island)]
+    walled = _against_walls(prism, island)
+    if walled is not None:
+        rims.append(rim_of(walled, stack, centers, images.tolerance, _LEAST_TOLD, lambda at: prism.lateral(at) > 0))
     return max((r for r in rims if r is not None and r.section.at_rim), key=lambda r: r.told, default=None)
 
 
@@ -227,3 +259,33 @@ def _rough(island: Prism) -> Iterator[Section]:
     inside = ndimage.distance_transform_edt(np.pad(island.outline, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
     yield circle([float(row), float(column), float(inside[row, column])])
+
+
+def _against_walls(prism: Prism, island: Prism) -> Section | None:
+    """The rectangle along a pocket's walls around a boss that stands against one, reaching into it, or None."""
+    away = -signed_outline(prism.outline)  # of cells, from the pocket's walls
+    cells = np.argwhere(island.outline)
+    if not (away[island.outline] < _BORDER_CELLS).any():
+        return None
+    angle = 0.0 if prism.section is None else prism.section.angle
+    axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    at = cells @ axes.T  # (N, 2) along the walls
+    low, high = np.array([_ends(at[:, axis], at[:, 1 - axis]) for axis in (0, 1)]).T
+    touches = False
+    for axis in (0, 1):
+        for end, outward in ((low, -1), (high, 1)):
+            beside = cells[np.abs(at[:, axis] - end[axis]) < _BAND_CELLS]
+            if np.median(away[tuple(beside.T)]) < _BORDER_CELLS:
+                end[axis] += _IN_WALL_CELLS * outward
+                touches = True
+    middle, half = (low + high) / 2 @ axes, (high - low) / 2
+    shape = Rounded((float(half[0]), float(half[1])), 0.0)
+    return Section((float(middle[0]), float(middle[1])), angle, shape) if touches else None
+
+
+def _ends(along: Array, across: Array) -> tuple[float, float]:
+    """Where cells end to both sides along an axis: the medians of their rows, of which some are longer or shorter."""
+    rows = np.round(across).astype(int)
+    ends = [(along[rows == row].min(), along[rows == row].max()) for row in np.unique(rows)]
+    low, high = np.median(ends, axis=0)
+    return float(low) - 0.5, float(high) + 0.5

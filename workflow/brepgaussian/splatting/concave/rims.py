@@ -4,6 +4,7 @@ What lies behind the rim moves from view to view; the step at the rim doesn't. T
 normals, where an outline of cells is wrong by up to two: at the ends of slots walls are seen by few views.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.sections import Section
 
 Array = NDArray[np.float64]
+Covered = Callable[[Array], NDArray[np.bool_]]
 
 _PLACES = 96  # of a section's border
 _REACH_CELLS, _STEP_CELLS = 3.0, 0.25  # how far from it, how finely
@@ -54,21 +56,31 @@ def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> 
     return None if rim is None else rim.section
 
 
-def rim_of(section: Section, stack: Stack, centers: Array, tolerance: float, least: float) -> Rim | None:
+def rim_of(
+    section: Section, stack: Stack, centers: Array, tolerance: float, least: float, covered: Covered | None = None
+) -> Rim | None:
     """The rim that the views show of a section, None if theirs is another; as it is where they show less than `least`.
 
-    Arguments are those of `at_rim`.
+    Args:
+        section, stack, centers, tolerance: see `at_rim`.
+        least: share of the rim that has to be shown.
+        covered: which places of its border (N, 2) no view can show; pieces of the border that are shown nowhere else
+            stay where they are.
     """
     height, share = 0.0, 0.0
     for _ in range(2):  # the second time along the normals of what the first found
         places = section.border(_PLACES)
+        hidden = np.zeros(len(places), bool) if covered is None else covered(places)
         outward = section.gradient(places)
         steps = _steps(stack, places, outward, _CONTRAST * tolerance)
         moved, told, height = _common(steps, _leans(stack, centers, places, outward))
-        share = float(told.mean())
+        told &= ~hidden
+        share = float(told.sum() / max(np.count_nonzero(~hidden), 1))
         if share < least:
             break
-        better = refitted((places + moved[:, None] * outward)[told], section)
+        pieces = section.pieces(places)
+        held = hidden & ~np.isin(pieces, pieces[told])
+        better = refitted(np.concatenate([(places + moved[:, None] * outward)[told], places[held]]), section)
         if better is None:
             return None
         section = replace(better, at_rim=True)
