@@ -16,6 +16,7 @@ from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.shoulders import with_shoulders
+from brepgaussian.splatting.concave.sounded import sounded
 from brepgaussian.splatting.concave.sweep import Outlined, straighten
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
@@ -84,7 +85,7 @@ def open_concavities(
         wrong: set[int] = set()
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             if k not in ends:
-                known[k] = shortened(images, hull, known[k], margins[k])
+                known[k] = sounded(images, scene, shortened(images, hull, known[k], margins[k]))
                 known[k] = with_islands(images, hull, known[k], margins[k])
             opened = hull.without(known[k], margins[k])
             if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):

@@ -43,6 +43,7 @@ _SHALLOWER, _DEEPER = -3, 18  # from how many steps above it to how many below
 _TOLD_SHARE = 0.9  # of the rays through an opening leave the hull before the depth of a hole through its nearest part
 _GROWS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # cells by which an outline may be off
 _RIM_RAYS = 60_000
+_OFF_CELLS = 1.0  # by which walls are moved: the depth that was found with them has no say any more
 _FEW_RAYS = 8_000  # for many shapes of leaning walls
 _LEANING = 0.9  # walls lean only if that leaves at most this share of the straight ones' disagreement
 _CHAMFERED = 0.97  # the same for a hole's rim alone
@@ -191,9 +192,10 @@ def _again(opening: Opening, rim: Opening, best: Shape) -> Shape:
     """The depth sought once more with the walls found: walls that are off, and blur, hide it."""
     opening.keep_clear(best.grow)
     deeper = best_depth(opening, _DEPTHS, best)
-    sure = opening.advantage(opening.costs(best), opening.costs(deeper)) > SURE
+    least = SURE if abs(best.grow) < _OFF_CELLS else 0.0  # the first depth was found with walls that are wrong
+    better = opening.advantage(opening.costs(best), opening.costs(deeper)) > least
     opening.keep_clear(None)
-    return _refine(rim, deeper) if sure else best
+    return _refine(rim, deeper) if better else best
 
 
 def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape:

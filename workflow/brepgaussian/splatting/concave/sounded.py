@@ -1,0 +1,77 @@
+"""Depths once more, along walls that are drawn: where these are a cell off, rays meet them and the floor elsewhere.
+
+Cells are half as large as the ones in which an opening is found, as is the error of its outline.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.depth import looked_into
+from brepgaussian.splatting.concave.openings import Images, rectify
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shapes import SURE, Opening, Shape
+
+Array = NDArray[np.float64]
+
+_FINER = 2  # cells for one
+_AROUND_CELLS = 6  # of the face around the opening
+_RAYS, _FINAL_RAYS = 60_000, 240_000
+_RATIO = 1.06  # of the depths that are tried,
+_NEAR_RATIO, _NEAR = 1.01, 9  # of those about the best one, and how many to both sides
+
+logger = log.get_logger("stage1")
+
+
+def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
+    """A blind concavity with a flat floor and drawn walls, as deep as views agree best along these.
+
+    Args:
+        images: of all views.
+        scene: the hull, before it is cut.
+        prism: anything else stays as it is.
+    """
+    section = prism.section
+    plain = not (prism.through or prism.domed or prism.draft or prism.step or prism.above or any(prism.tilt))
+    if section is None or not plain or prism.islands or prism.ring:
+        return prism
+    taken = images.as_taken
+    fine, inside = _finer(prism)
+    looked = looked_into(rectify(taken, scene, fine), inside, taken.views.cameras.centers, scene)
+    if looked is None:
+        return prism
+    every, ends, breaks = looked
+    opening, full = (Opening(every, count, inside, ends, taken.tolerance, breaks) for count in (_RAYS, _FINAL_RAYS))
+    for one in (opening, full):
+        one.keep_clear(0.0)
+    depths = opening.deepest / _RATIO ** np.arange(np.log(opening.deepest / opening.shallowest) // np.log(_RATIO))
+    shapes = [Shape(float(depth)) for depth in depths[::-1]]
+    costs = {shape: opening.costs(shape) for shape in shapes}
+    sure = opening.simplest(shapes, costs)
+    likely = [s for s in shapes if opening.advantage(costs[sure], costs[s]) >= 0]
+    best = min(likely, key=lambda shape: opening.score(shape)[0])
+    near = best.depth * _NEAR_RATIO ** np.arange(-_NEAR, _NEAR + 1.0)
+    best = min((Shape(float(d)) for d in near if d <= opening.deepest), key=lambda shape: full.score(shape)[0])
+    told = full.advantage(full.costs(shapes[-1]), full.costs(best)) >= SURE
+    depth = best.depth * fine.pitch
+    logger.info(
+        "opening of area %.4f: along its walls %.4f deep, not %.4f%s",
+        prism.area, depth, prism.depth, "" if told or not prism.endless else ": not told",
+    )  # fmt: skip
+    return replace(prism, depth=depth, endless=False) if told or not prism.endless else prism
+
+
+def _finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
+    """A finer lattice around an opening, and its cells (R, C) within the section."""
+    lattice, used = prism.lattice, np.argwhere(prism.outline)
+    low, high = used.min(axis=0) - _AROUND_CELLS, used.max(axis=0) + 1 + _AROUND_CELLS
+    corner = lattice.origin + lattice.pitch * (low[0] * lattice.first + low[1] * lattice.second)
+    rows, columns = (int(n) for n in _FINER * (high - low))
+    fine = replace(lattice, origin=corner, pitch=lattice.pitch / _FINER, shape=(rows, columns))
+    at = np.stack(np.indices(fine.shape), axis=-1)
+    places = low + (at + 0.5) / _FINER - 0.5  # (R, C, 2) in cells of the prism's lattice
+    assert prism.section is not None
+    return fine, prism.section.signed_distance(places) < 0
