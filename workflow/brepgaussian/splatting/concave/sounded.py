@@ -71,7 +71,7 @@ def _finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
     corner = lattice.origin + lattice.pitch * (low[0] * lattice.first + low[1] * lattice.second)
     rows, columns = (int(n) for n in _FINER * (high - low))
     fine = replace(lattice, origin=corner, pitch=lattice.pitch / _FINER, shape=(rows, columns))
-    at = np.stack(np.indices(fine.shape), axis=-1)
+    at = np.moveaxis(np.indices(fine.shape), 0, -1)
     places = low + (at + 0.5) / _FINER - 0.5  # (R, C, 2) in cells of the prism's lattice
     assert prism.section is not None
     return fine, prism.section.signed_distance(places) < 0
