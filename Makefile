@@ -44,7 +44,7 @@ types: setup-dev ## type hints
 
 docs: setup-dev ## the schema, config/README.md and the graph in docs/workflow.md, from the code
 	$(RUN) python -m brepgaussian.settings.schema
-	$(RUN) snakemake --rulegraph mermaid-js 2>/dev/null > .venv/rulegraph && \
+	$(RUN) snakemake --cores 1 --rulegraph mermaid-js 2>/dev/null > .venv/rulegraph && \
 	  python -c "import re, pathlib; p = pathlib.Path('docs/workflow.md'); g = open('.venv/rulegraph').read(); \
 	  p.write_text(re.sub(r'(\`{3}mermaid\n).*?(\`{3})', lambda m: m[1] + g + m[2], p.read_text(), flags=re.S))"
 

@@ -99,7 +99,7 @@ class BrepSettings:
         maximum=1.0,
     )
     accept_disputed: float = setting(
-        81.0,
+        40.5,
         "A solid is accepted if views disagree about no connected part of a face that is larger than this.",
         unit="px^2",
         minimum=0.0,

@@ -29,7 +29,7 @@ _TREND_PLACES = 3.0  # side of what has one trend, in places
 _TREND_RAYS = 24  # that tell a trend
 _TREND_FITS = 3
 _TREND_RIDGE = 1e-3  # rays; keeps faces along an axis solvable
-_SCATTERED = 0.02  # of other faces' places refuted (JPEG rings beside edges, say) make areas twice as large by chance
+_SCATTERED = 0.005  # of other faces' places refuted (JPEG rings beside edges, say) make areas twice as large by chance
 
 
 @dataclass(frozen=True)
