@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
+from brepgaussian.splatting.concave.drilled import MOST_AGAINST, is_narrow
 from brepgaussian.splatting.concave.ends import lengthened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import with_islands
@@ -130,7 +131,9 @@ def _parted(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:
 def _contradicted(prism: Prism) -> bool:
     """Whether too many rays contradict a blind opening for there to be one."""
     deep = prism.depth > _DEEP_CELLS * prism.lattice.pitch
-    wrong = deep and not (prism.through or prism.islands) and prism.error > _MOST_MET
+    round_hole = prism.section is not None and prism.section.at_rim and is_narrow(prism.outline)
+    most = MOST_AGAINST if round_hole else _MOST_MET
+    wrong = deep and not (prism.through or prism.islands) and prism.error > most
     if wrong:
         logger.info("opening of area %.4f: %.0f %% of rays contradict it, not believed", prism.area, 100 * prism.error)
     return wrong

@@ -51,7 +51,7 @@ _DEEP = 7.0  # cells; as deep a concavity has to gain as a shallow one, twice as
 _SHALLOW_GAIN = 0.4  # for what is shallow: a lid that is badly placed looks like it
 _CORE_CELLS = 2  # from an opening's border, clear of its blur
 _REFUTED = 0.5  # share of the views that see a cell there
-_MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
+MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
 # or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
 _LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.15
@@ -85,7 +85,12 @@ def as_taken(images: Images, scene: Scene, stack: Stack) -> Stack:
 
 
 def measure(
-    stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scene, tolerance: float
+    stack: Stack,
+    outline: NDArray[np.bool_],
+    centers: Array,
+    scene: Scene,
+    tolerance: float,
+    most_against: float = MOST_AGAINST,
 ) -> tuple[Prism, float] | None:
     """The concavity under one opening, or None if the rays do not tell one.
 
@@ -97,6 +102,7 @@ def measure(
         centers: (V, 3) camera centres.
         scene: the hull.
         tolerance: grey levels that one place may differ by.
+        most_against: share of the rays that may contradict one whose floor none tells.
     """
     pitch = stack.lattice.pitch
     looked = looked_into(stack, outline, centers, scene)
@@ -121,7 +127,7 @@ def measure(
     endless = False
     if not best.through:
         endless = opening.advantage(opening.costs(replace(best, depth=opening.ends[0])), opening.costs(best)) < SURE
-        if endless and error > _MOST_AGAINST:
+        if endless and error > most_against:
             return None
         best = _deepen(opening, Opening(every, _FINAL_RAYS, outline, ends, tolerance, breaks), best)
     fitted = signed_outline(outline) < best.grow

@@ -12,6 +12,7 @@ from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.curved import spot_around, spots
 from brepgaussian.splatting.concave.deeper import is_whole, surely_deeper
 from brepgaussian.splatting.concave.depth import measured
+from brepgaussian.splatting.concave.drilled import drilled, ringed
 from brepgaussian.splatting.concave.enclosed import beside_islands, enclosed, to_rims
 from brepgaussian.splatting.concave.join import in_line, opposite
 from brepgaussian.splatting.concave.mouths import completed
@@ -132,7 +133,12 @@ def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, p
     middle = places.mean(axis=0)[None]
     if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in known):
         return True
-    return bool(np.isfinite(scene.near(places, 2 * pitch)).mean() < _LID_SHARE)
+    return _is_gone(places, scene, pitch)
+
+
+def _is_gone(lid: Array, scene: Scene, pitch: float) -> bool:
+    """Whether the hull has next to nothing of a lid (N, 3): between the tops of bosses a pocket is open already."""
+    return bool(np.isfinite(scene.near(lid, 2 * pitch)).mean() < _LID_SHARE)
 
 
 def _concavities(
@@ -166,6 +172,7 @@ def _concavities(
     if floor is not None:
         below = carried(floor.lattice, floor.outline, stack.lattice)
         outlines += beside_islands(stack, below, regions)
+        outlines = [o for o in outlines if not _is_gone(stack.surface()[o], scene, stack.lattice.pitch)]
     hubs = [] if centered else around_hubs(stack, scene, images, least)
     if not centered:
         outlines = standing_free(outlines, stack, scene, images)
@@ -173,12 +180,14 @@ def _concavities(
     tried = [(stack, outline, 0.0) for outline in outlines] + [(stack, outline, top) for outline, top in hubs]
     for seen, outline, above in [*tried, *((whole, outline, 0.0) for outline in broken)]:
         if outline.any():
-            fit = measured(images, scene, seen, outline)
+            fit = measured(images, scene, seen, outline) or drilled(images, scene, seen, outline)
             # around a hub silhouettes would show what goes through
             if fit is None or not _believable(fit[0]) or (above and fit[0].through):
                 continue
             if floor is None or not is_whole(floor, fit[0]) or surely_deeper(images, scene, floor, fit[0]):
                 fits.append((replace(fit[0], above=above), fit[1]))
+    narrow = [drilled(images, scene, stack, outline) for outline in ringed(stack, least, images.tolerance)]
+    fits += [fit for fit in narrow if fit is not None and _believable(fit[0])]
     around = [prism for prism, _ in fits if prism.above]
     fits = [fit for fit in fits if fit[0].above or not any(_hangs(fit[0], hub) for hub in around)]
     taken = np.zeros(stack.lattice.shape, bool)

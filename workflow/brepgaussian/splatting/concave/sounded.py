@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.depth import looked_into
+from brepgaussian.splatting.concave.drilled import is_narrow
 from brepgaussian.splatting.concave.openings import Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
@@ -32,11 +33,11 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     Args:
         images: of all views.
         scene: the hull, before it is cut.
-        prism: anything else stays as it is.
+        prism: anything else stays as it is, and what is so narrow that its depth was found in such cells.
     """
     section = prism.section
     plain = not (prism.through or prism.domed or prism.draft or prism.step or prism.above or any(prism.tilt))
-    if section is None or not plain or prism.islands or prism.ring:
+    if section is None or not plain or prism.islands or prism.ring or is_narrow(prism.outline):
         return prism
     taken = images.as_taken
     fine, inside = _finer(prism)

@@ -14,6 +14,7 @@ from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.draw import MOST_FAR, circle_about, fitted
+from brepgaussian.splatting.concave.drilled import is_narrow
 from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
@@ -66,6 +67,8 @@ def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: floa
     def opened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
 
+    if prism.section is not None and is_narrow(prism.outline):
+        return prism  # found by its rim
     rough = None if prism.domed else fitted(prism.outline, opened)
     if rough is None:
         return prism
