@@ -72,12 +72,10 @@ def drilled(images: Images, scene: Scene, stack: Stack, outline: NDArray[np.bool
     rim = rim_of(rough, stack, centers, images.tolerance, _TOLD)
     if rim is None or rim.told < _TOLD or not _is_round(rim.section):
         return None
-    lattice = stack.lattice
-    low = np.floor(np.array(rim.section.center) - rim.section.shape.reach).astype(int) - _AROUND_CELLS
-    corner = lattice.origin + lattice.pitch * (low[0] * lattice.first + low[1] * lattice.second)
-    side = _FINER * int(np.ceil(2 * (rim.section.shape.reach + _AROUND_CELLS)) + 1)
-    fine = replace(lattice, origin=corner, pitch=lattice.pitch / _FINER, shape=(side, side))
-    places = low + (np.moveaxis(np.indices(fine.shape), 0, -1) + 0.5) / _FINER - 0.5
+    lattice, reach = stack.lattice, rim.section.shape.reach + _AROUND_CELLS
+    middle = np.array(rim.section.center)
+    low, high = np.floor(middle - reach).astype(int), np.ceil(middle + reach).astype(int)
+    fine, places = lattice.finer(low, high, _FINER)
     inside = rim.section.signed_distance(places) < 0
     found = measure(rectify(taken, scene, fine), inside, centers, scene, taken.tolerance, MOST_AGAINST)
     if found is None or found[0].depth < _LEAST_CELLS * lattice.pitch:

@@ -55,6 +55,13 @@ class Lattice:
         corner = self.origin - cells * self.pitch * (self.first + self.second)
         return replace(self, origin=corner, shape=(self.shape[0] + 2 * cells, self.shape[1] + 2 * cells))
 
+    def finer(self, low: NDArray[np.integer], high: NDArray[np.integer], times: int) -> tuple["Lattice", Array]:
+        """Its cells from `low` to `high` (2,), so many times finer, and (R, C, 2) where they are in this lattice."""
+        corner = self.origin + self.pitch * (low[0] * self.first + low[1] * self.second)
+        rows, columns = (int(n) for n in times * (high - low))
+        fine = replace(self, origin=corner, pitch=self.pitch / times, shape=(rows, columns))
+        return fine, low + (np.moveaxis(np.indices(fine.shape), 0, -1) + 0.5) / times - 0.5
+
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """(N, 2) fractional cell indices (a cell's centre has integer ones) and (N,) heights along the normal."""
         offset = points - self.origin

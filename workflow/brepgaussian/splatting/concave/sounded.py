@@ -67,12 +67,8 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
 
 def _finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
     """A finer lattice around an opening, and its cells (R, C) within the section."""
-    lattice, used = prism.lattice, np.argwhere(prism.outline)
+    used = np.argwhere(prism.outline)
     low, high = used.min(axis=0) - _AROUND_CELLS, used.max(axis=0) + 1 + _AROUND_CELLS
-    corner = lattice.origin + lattice.pitch * (low[0] * lattice.first + low[1] * lattice.second)
-    rows, columns = (int(n) for n in _FINER * (high - low))
-    fine = replace(lattice, origin=corner, pitch=lattice.pitch / _FINER, shape=(rows, columns))
-    at = np.moveaxis(np.indices(fine.shape), 0, -1)
-    places = low + (at + 0.5) / _FINER - 0.5  # (R, C, 2) in cells of the prism's lattice
+    fine, places = prism.lattice.finer(low, high, _FINER)
     assert prism.section is not None
     return fine, prism.section.signed_distance(places) < 0
