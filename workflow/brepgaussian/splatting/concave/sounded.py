@@ -19,6 +19,7 @@ from brepgaussian.splatting.concave.shapes import SURE, Opening, Shape
 Array = NDArray[np.float64]
 
 _FINER = 2  # cells for one
+_NEAR_CELLS = 3.0  # by which a floor is moved where views agree better; farther only where they surely do
 _AROUND_CELLS = 6  # of the face around the opening
 _RAYS, _FINAL_RAYS = 60_000, 240_000
 _RATIO = 1.06  # of the depths that are tried,
@@ -57,6 +58,10 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     near = best.depth * _NEAR_RATIO ** np.arange(-_NEAR, _NEAR + 1.0)
     best = min((Shape(float(d)) for d in near if d <= opening.deepest), key=lambda shape: full.score(shape)[0])
     told = full.advantage(full.costs(shapes[-1]), full.costs(best)) >= SURE
+    old = Shape(prism.depth / fine.pitch)
+    far = abs(best.depth - old.depth) > _NEAR_CELLS
+    if far and full.advantage(full.costs(old), full.costs(best)) <= SURE:
+        return prism
     depth = best.depth * fine.pitch
     logger.info(
         "opening of area %.4f: along its walls %.4f deep, not %.4f%s",
