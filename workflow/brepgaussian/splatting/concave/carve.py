@@ -131,8 +131,8 @@ def _parted(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:
 def _contradicted(prism: Prism) -> bool:
     """Whether too many rays contradict a blind opening for there to be one."""
     deep = prism.depth > _DEEP_CELLS * prism.lattice.pitch
-    round_hole = prism.section is not None and prism.section.at_rim and is_narrow(prism.outline)
-    most = MOST_AGAINST if round_hole else _MOST_MET
+    by_rim = prism.section is not None and prism.section.at_rim and is_narrow(prism.outline)
+    most = MOST_AGAINST if by_rim else _MOST_MET
     wrong = deep and not (prism.through or prism.islands) and prism.error > most
     if wrong:
         logger.info("opening of area %.4f: %.0f %% of rays contradict it, not believed", prism.area, 100 * prism.error)

@@ -51,7 +51,7 @@ _DEEP = 7.0  # cells; as deep a concavity has to gain as a shallow one, twice as
 _SHALLOW_GAIN = 0.4  # for what is shallow: a lid that is badly placed looks like it
 _CORE_CELLS = 2  # from an opening's border, clear of its blur
 _REFUTED = 0.5  # share of the views that see a cell there
-MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
+_MOST_AGAINST = 0.12  # of the rays, where none tells a floor: holes have up to .08, a dent in a fillet had .24
 _GAIN = 0.75  # a concavity leaves at most this share of the disagreement on its lid,
 # or more, where so few rays contradict it: of openings that leave .7-.85, true ones had .11-.13, false ones .18-.30
 _LITTLE_GAIN, _FEW_AGAINST = 0.85, 0.15
@@ -90,7 +90,7 @@ def measure(
     centers: Array,
     scene: Scene,
     tolerance: float,
-    most_against: float = MOST_AGAINST,
+    most_against: float = _MOST_AGAINST,
 ) -> tuple[Prism, float] | None:
     """The concavity under one opening, or None if the rays do not tell one.
 

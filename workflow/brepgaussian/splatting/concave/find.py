@@ -176,18 +176,21 @@ def _concavities(
     hubs = [] if centered else around_hubs(stack, scene, images, least)
     if not centered:
         outlines = standing_free(outlines, stack, scene, images)
-    fits = []
     tried = [(stack, outline, 0.0) for outline in outlines] + [(stack, outline, top) for outline, top in hubs]
-    for seen, outline, above in [*tried, *((whole, outline, 0.0) for outline in broken)]:
-        if outline.any():
-            fit = measured(images, scene, seen, outline) or drilled(images, scene, seen, outline)
-            # around a hub silhouettes would show what goes through
-            if fit is None or not _believable(fit[0]) or (above and fit[0].through):
-                continue
-            if floor is None or not is_whole(floor, fit[0]) or surely_deeper(images, scene, floor, fit[0]):
-                fits.append((replace(fit[0], above=above), fit[1]))
-    narrow = [drilled(images, scene, stack, outline) for outline in ringed(stack, least, images.tolerance)]
-    fits += [fit for fit in narrow if fit is not None and _believable(fit[0])]
+    tried += [(whole, outline, 0.0) for outline in broken]
+    told = [
+        (measured(images, scene, seen, outline) or drilled(images, scene, seen, outline), above)
+        for seen, outline, above in tried
+        if outline.any()
+    ]
+    told += [(drilled(images, scene, stack, outline), 0.0) for outline in ringed(stack, least, images.tolerance)]
+    fits = []
+    for fit, above in told:
+        # around a hub silhouettes would show what goes through
+        if fit is None or not _believable(fit[0]) or (above and fit[0].through):
+            continue
+        if floor is None or not is_whole(floor, fit[0]) or surely_deeper(images, scene, floor, fit[0]):
+            fits.append((replace(fit[0], above=above), fit[1]))
     around = [prism for prism, _ in fits if prism.above]
     fits = [fit for fit in fits if fit[0].above or not any(_hangs(fit[0], hub) for hub in around)]
     taken = np.zeros(stack.lattice.shape, bool)
