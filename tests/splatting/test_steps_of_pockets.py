@@ -7,12 +7,13 @@ from brepgaussian.splatting.concave.rays import Rays, exits_of_step
 from brepgaussian.splatting.concave.rimmed import _turned
 from brepgaussian.splatting.hull import carve
 from build123d import Align, Axis, Box, Pos, chamfer
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from rendered import missed, rendered
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 HALF, SINK, TOP = 20.0, 5.0, 8.0  # cells: of a square opening, and of its shoulder
+NEAR = 0.3  # cells: a drawn corner is rounded by .2
 
 
 def square(cells=60):
@@ -20,6 +21,7 @@ def square(cells=60):
     return rows[:, None] & rows
 
 
+@example(at=(0, 0.6875), sideways=(1, 0.09375))
 @given(
     at=st.tuples(st.floats(-0.95, 0.95), st.floats(-0.95, 0.95)),
     sideways=st.tuples(st.floats(-2, 2), st.floats(-2, 2)),
@@ -29,12 +31,16 @@ def test_rays_meet_the_wide_walls_the_shoulder_or_the_narrow_walls(at, sideways)
     one = np.zeros(1)
     rays = Rays(start[None] + 29.5, side[None], one, one.astype(int), np.zeros((1, 0)), one > 0, one)
     found = float(exits_of_step(rays, square(), 100.0, 0.0, SINK, TOP)[0])
-    lateral = lambda depth: float(np.abs(start + depth * side).max())  # noqa: E731
     deep = np.linspace(0, 100, 20_001)
-    beyond = np.abs(start + deep[:, None] * side).max(axis=1) > np.where(deep < TOP, HALF, HALF - SINK)
-    truth = deep[np.argmax(beyond)] if beyond.any() else 100.0
-    speed = max(np.abs(side).max(), 1e-3)
-    assert abs(found - truth) < 0.2 + 0.2 / speed or abs(lateral(TOP) - (HALF - SINK)) < 0.3
+    lateral = np.abs(start + deep[:, None] * side).max(axis=1)
+
+    def left(slack: float) -> float:
+        """Depth at which the ray has left walls that stand `slack` cells further out."""
+        beyond = lateral > np.where(deep < TOP, HALF, HALF - SINK) + slack
+        return float(deep[np.argmax(beyond)]) if beyond.any() else 100.0
+
+    # A ray that grazes a wall is near it for many cells of depth: what counts is how near.
+    assert left(-NEAR) - NEAR < found < left(NEAR) + NEAR
 
 
 def test_a_pocket_with_a_shoulder_is_two_boxes():

@@ -14,7 +14,7 @@ from brepgaussian.splatting.library import load, pointer
 
 Array = NDArray[np.float64]
 
-_STEPS = 32  # of sphere tracing; what is left then is below a tenth of a cell except for grazing rays
+_STEPS = 256  # of sphere tracing: a ray half a cell from a long wall takes one for each half cell of its way
 _REACHED = 0.05  # cells
 _SLOWEST = 1e-3  # sideways cells per cell of depth: a ray straight down never leaves
 _BELT_CELLS = 4  # of face around an opening that is looked at too, so that the outline can be judged
