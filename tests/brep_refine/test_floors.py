@@ -7,8 +7,8 @@ import pytest
 from brepgaussian.brep import occ
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.ladder import _untold
-from brepgaussian.brep.refine import floors
 from brepgaussian.brep.refine.floors import untold_floors
+from brepgaussian.brep.refine.pits import floors
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker
 from brepgaussian.settings.brep import BrepSettings
@@ -86,10 +86,7 @@ def test_necks_and_undercut_walls_are_no_floors(tmp_path):
     """A neck between two flanges has concave edges only; it faces all around, a dome one way."""
     neck = Cylinder(14, 5, align=LOW) + Cylinder(7, 20, align=LOW) + Pos(0, 0, 15) * Cylinder(14, 5, align=LOW)
     scene, structure, _, _ = asked_of(neck, views_of(neck, tmp_path))
-    assert floors._floors(structure) != []
-    assert untold(neck, neck, tmp_path) == []
+    assert floors(scene.mesh, structure) == []
     well = block() - drilled(4, 8)
     scene, structure, _, _ = asked_of(well, views_of(well, tmp_path))
-    found = floors._floors(structure)
-    assert found != []
-    assert all(floors._faces_one_way(scene.mesh, face) for face in found)
+    assert len(floors(scene.mesh, structure)) == 1

@@ -33,7 +33,7 @@ def test_a_surface_goes_through_its_soundings_but_for_wrong_ones(kind, seed):
     points = truth.project(truth.origin + rng.uniform(-0.3, 0.3, (600, 3)))
     start = update(truth, 0.004 * rng.uniform(-1, 1, COUNT[kind]))
     wrong = points + np.where(rng.random((600, 1)) < 0.05, 0.05, 0.0) * truth.normals(points)
-    result = solved(Soundings(np.zeros(600, np.int64), wrong, np.full(600, 1e-4), 1e-9), start)
+    result = solved(Soundings(np.zeros(600, np.int64), wrong, np.full(600, 1e-4), np.full(600, 1e-9)), start)
     assert np.abs(start.signed_distance(points)).max() > 1e-3
     assert np.abs(result.signed_distance(points)).max() < 2e-6
 
@@ -57,7 +57,7 @@ def test_places_move_along_their_normals_by_what_the_depth_says():
 def test_many_soundings_are_no_surer_than_what_they_have_in_common():
     points = np.column_stack([np.random.default_rng(0).random((5000, 2)), np.full(5000, 0.5)])
     bias = 3e-4
-    soundings = Soundings(np.zeros(5000, np.int64), points, np.full(5000, 1e-4), bias)
+    soundings = Soundings(np.zeros(5000, np.int64), points, np.full(5000, 1e-4), np.full(5000, bias))
     matrix, _ = soundings.normal([plane(np.full(3, 0.5), [0, 0, 1.0])], np.array([0, 3]), 3, np.zeros(3))
     assert matrix[2, 2] ** -0.5 == pytest.approx(bias, rel=1e-3)
 

@@ -13,11 +13,13 @@ from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acce
 from brepgaussian.brep.refine.constraints import Tie
 from brepgaussian.brep.refine.descent import WINDOWS, Run, descend, largest_move, move_structure, sounded
 from brepgaussian.brep.refine.mesh import FaceMesh, follow
-from brepgaussian.brep.refine.observe import prepare
+from brepgaussian.brep.refine.observe import prepare, whole_images
 from brepgaussian.brep.refine.parameters import recentre
+from brepgaussian.brep.refine.plumb import plumbed
 from brepgaussian.brep.refine.regularity import given, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, residuals
+from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.refine.visibility import SILHOUETTE
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
@@ -129,11 +131,13 @@ def _refine(
         firm = _solved(replace(start, prior=replace(prior, held=held | strayed)), settings)
         found = firm if _less_displaced(firm.after, found.after) else found
     run, after, ties, freed = found.run, found.after, found.ties, found.freed
-    if after.displaced is not None and after.displaced.depths.told.any():
-        other = sounded(run, after.displaced, ties, freed)
-        verdict = other.test(settings)
-        if _closer(verdict, after):
-            run, after = other, verdict
+    if after.displaced is not None:  # else there is more amiss than depths
+        if after.displaced.depths.told.any():
+            other = sounded(run, after.displaced, ties, freed)
+            verdict = other.test(settings)
+            if _closer(verdict, after):
+                run, after = other, verdict
+        run, after = _plumbed(run, after, ties, freed, settings)
     kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
@@ -193,6 +197,21 @@ def _solved(start: Run, settings: BrepSettings) -> _Solved:
         if _no_worse(verdict, after):
             run, after, ties = other, verdict, [*ties, *designed]
     return _Solved(run, after, ties, freed)
+
+
+def _plumbed(
+    run: Run, after: Acceptance, ties: Sequence[Tie], freed: bool, settings: BrepSettings
+) -> tuple[Run, Acceptance]:
+    """The solid and its test, with floors moved to where all rays into their pits place them."""
+    floors = plumbed(run.scene, run.structure, whole_images(run.views), run.images.noise, run.state.poses)
+    if floors is None or after.displaced is None:
+        return run, after
+    places = Soundings.of(after.displaced.depths, run.structure, run.views.cameras.footprint())
+    told = frozenset(int(index) for index in floors.surface)
+    free = replace(run, prior=replace(run.prior, held=run.prior.held - told))
+    other, _ = descend(free, ties, WINDOWS[-1:], freed, places.joined(floors))
+    verdict = other.test(settings)
+    return (other, verdict) if _no_worse(verdict, after) else (run, after)
 
 
 def _strayed(found: _Solved) -> frozenset[int]:

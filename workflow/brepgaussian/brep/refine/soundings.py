@@ -29,13 +29,13 @@ class Soundings:
     Attributes:
         surface: (N,) index of each one's surface.
         points: (N, 3) unit frame; sigma: (N,) standard error across the surface, unit frame.
-        bias: unit frame, that all of a surface have in common.
+        bias: (N,) unit frame, that all of a surface have in common.
     """
 
     surface: Indices
     points: Array
     sigma: Array
-    bias: float
+    bias: Array
 
     @staticmethod
     def of(depths: Depths, structure: Structure, footprint: float) -> "Soundings":
@@ -49,7 +49,15 @@ class Soundings:
         surface = np.array([f.surface for f in structure.faces], np.int64)[depths.places[:, 3]]
         kept = depths.told & (surface >= 0)
         points = depths.centres[kept] - (footprint * depths.depth[kept])[:, None] * depths.normals[kept]
-        return Soundings(surface[kept], points, footprint * depths.sigma[kept], footprint * _BIAS_PX)
+        bias = np.full(len(points), footprint * _BIAS_PX)
+        return Soundings(surface[kept], points, footprint * depths.sigma[kept], bias)
+
+    def joined(self, surer: "Soundings") -> "Soundings":
+        """With others, which alone count where they name a surface."""
+        kept = ~np.isin(self.surface, surer.surface)
+        mine = (self.surface[kept], self.points[kept], self.sigma[kept], self.bias[kept])
+        others = (surer.surface, surer.points, surer.sigma, surer.bias)
+        return Soundings(*(np.concatenate(pair) for pair in zip(mine, others, strict=True)))
 
     def normal(self, surfaces: Sequence[Surface], start: Indices, size: int, delta: Array) -> tuple[Array, Array]:
         """Normal equations of a step of all parameters, weighted robustly by what a step `delta` leaves.
@@ -68,14 +76,15 @@ class Soundings:
             columns = slice(int(start[index]), int(start[index + 1]))
             slope = derivative(surfaces[index], self.points[mine])
             off = -surfaces[index].signed_distance(self.points[mine])
-            weight = self._weights(off - slope @ delta[columns], self.sigma[mine])
+            weight = _weights(off - slope @ delta[columns], self.sigma[mine], float(self.bias[mine].max()))
             matrix[columns, columns] += slope.T @ (slope * weight[:, None])
             right[columns] += slope.T @ (weight * off)
         return matrix, right
 
-    def _weights(self, rest: Array, sigma: Array) -> Array:
-        """(N,) Tukey weights of a surface's residuals; together no surer than what they have in common."""
-        size = np.abs(rest) / sigma
-        scale = max(1.0, MAD_TO_SIGMA * float(np.median(size)))
-        weight = np.clip(1 - (size / (TUKEY * scale)) ** 2, 0, None) ** 2 / (scale * sigma) ** 2
-        return np.asarray(weight / (1 + weight.sum() * self.bias**2))
+
+def _weights(rest: Array, sigma: Array, bias: float) -> Array:
+    """(N,) Tukey weights of a surface's residuals; together no surer than what they have in common."""
+    size = np.abs(rest) / sigma
+    scale = max(1.0, MAD_TO_SIGMA * float(np.median(size)))
+    weight = np.clip(1 - (size / (TUKEY * scale)) ** 2, 0, None) ** 2 / (scale * sigma) ** 2
+    return np.asarray(weight / (1 + weight.sum() * bias**2))
