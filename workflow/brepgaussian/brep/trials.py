@@ -14,6 +14,7 @@ from brepgaussian.brep.facets import facets_as_fillets, lone_facets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.judgement import Shape, against, as_good, bears, calms, in_doubt, mends, shape_of, short_of, size
+from brepgaussian.brep.mistaken import mistaken
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import flattened, grooved, straightened
@@ -37,6 +38,7 @@ Changes = Callable[[Structure, Sequence[Surface], Sequence[Patch], Sequence[Mapp
 Fillets = Callable[[Structure, Sequence[Surface], Sequence[Patch]], list[Change]]
 
 _MOST_RADII = 3  # of the corners of pockets
+_MOST_ROLLED = 4  # faces that may turn out to be fillets
 _RUNGS = 2  # that a change is built on, at most
 _MOST_EDGED = 6  # changed edges that are refined until one is taken: as many widths and kinds
 _MOST_ALONE = 4  # of these, of one pair of faces alone
@@ -71,6 +73,7 @@ class Trials:
         if self.best.report.get("accepted") is False:
             self._edged()
         self.bordered()
+        self._rolled()
         self._simplified()
         for step in (self._mended, self.rounded):
             before = self.best
@@ -138,6 +141,12 @@ class Trials:
         """Try all corners of a pocket rounded where some are: images hardly tell, so they only have to bear it."""
         for _ in range(_MOST_RADII):
             if not self.best.report.get("accepted") or not self._filleted(completed, as_good):
+                break
+
+    def _rolled(self) -> None:
+        """Try fillets for faces that lean against all beside them, one after the other."""
+        for _ in range(_MOST_ROLLED):
+            if not self._filleted(lambda _, __, patches: mistaken(patches), as_good):
                 break
 
     def _filleted(self, propose: Fillets, enough: Enough) -> bool:
