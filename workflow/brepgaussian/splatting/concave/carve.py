@@ -97,12 +97,12 @@ def open_concavities(
             hull = cut(hull, bend)
         bends += found_bends
         fresh = [k for k in fresh if k not in wrong]
-        scene = hull.scene()
+        scene = hull.scene(known)
         longer = {k: lengthened(images, scene, known[k]) for k in fresh}  # with the pockets of this level cut
         longer = {k: prism for k, prism in longer.items() if prism is not known[k]}
         for k, prism in longer.items():
             known[k], hull = prism, hull.without(prism, margins[k])
-        scene = hull.scene() if longer else scene
+        scene = hull.scene(known) if longer else scene
         floors = [known[k] for k in fresh if not known[k].ring]
         known = [prism for k, prism in enumerate(known) if k not in wrong]
         if not (floors or below):
@@ -111,7 +111,7 @@ def open_concavities(
         further = onward(images, scene, 2 * hull.spacing, prism, known)
         if further is not prism:
             known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
-            scene = hull.scene()
+            scene = hull.scene(known)
     for found_prism in find_curved(images, scene, hull.spacing, known):
         prism = drawn(images, scene, hull, found_prism, MARGIN_CELLS * hull.spacing)
         opened = hull.without(prism, MARGIN_CELLS * hull.spacing)

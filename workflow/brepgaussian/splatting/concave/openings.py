@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from brepgaussian.artifacts.views import CLEAR, OPAQUE, Views
 from brepgaussian.splatting.concave.contours import contour_rays
-from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.sample import sample
 from brepgaussian.views.noise import noise_of
@@ -31,6 +31,8 @@ SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
 _BELT_CELLS = 4.0  # inside the border, past the blur of a shifted opening
 _FRAME_CELLS = 3  # width of the frame of face around an opening
 _FRAME_SHARE = 0.7  # of the frame is face; the rest may be cut off by a neighbouring opening or a border
+_RIM_CELLS = 2.0  # inside a pocket's rim, past its blur
+_OFF_RIM_CELLS = 4.0  # outside of it, for a ray straight down: the hull's rim is rounded, and off by a voxel or two
 OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 
@@ -160,7 +162,26 @@ def _stack(
     shape = (len(images.views.cameras), *lattice.shape)
     grey, shown = np.full(shape, np.nan, np.float32), np.full(shape, UNSEEN, np.uint8)
     grey[:, domain], shown[:, domain] = _look(images, scene, cells[within], normals[within], off * lattice.pitch)
+    for view, center in enumerate(images.views.cameras.centers if scene.rims else ()):
+        unsure = np.zeros(lattice.shape, bool)
+        unsure[domain] = _past_rims(cells[within], center, scene.rims, lattice.pitch)
+        grey[view, unsure], shown[view, unsure] = np.nan, UNSEEN
     return Stack(lattice, domain, shown, grey, relief)
+
+
+def _past_rims(cells: Array, center: Array, rims: Sequence[Prism], pitch: float) -> NDArray[np.bool_]:
+    """(N,) cells (N, 3) in pockets that a camera sees past their rims: it may as well show the face around these."""
+    unsure = np.zeros(len(cells), bool)
+    for rim in rims:
+        places, height = rim.upright(cells)
+        up = (center - cells) @ rim.lattice.normal
+        below = np.flatnonzero((rim.lateral(places) < 0) & (height < -_RIM_CELLS * pitch) & (up > -height))
+        ray = (center - cells[below]) / up[below, None]  # for one unit of height
+        passed, _ = rim.lattice.coordinates(cells[below] - height[below, None] * ray)
+        beyond = rim.lateral(passed) / pitch
+        slant = np.linalg.norm(ray, axis=1)
+        unsure[below] |= (beyond > -_RIM_CELLS) & (beyond < _OFF_RIM_CELLS * slant)
+    return unsure
 
 
 def refuted_share(images: Images, scene: Scene, places: Array, normals: Array, pitch: float) -> Array:
@@ -267,8 +288,10 @@ def _visible(scene: Scene, cells: Array, normals: Array, center: Array, off: flo
     """(M,) which of the cells (N, 3) the camera sees from above, past the rest of the hull."""
     to_camera = center - cells
     length = np.sqrt(np.einsum("nc,nc->n", to_camera, to_camera))
-    index = np.flatnonzero(np.einsum("nc,nc->n", to_camera, normals) > _LEAST_COSINE * length)
-    start = cells[index] + off * normals[index]
+    above = np.einsum("nc,nc->n", to_camera, normals)
+    index = np.flatnonzero(above > _LEAST_COSINE * length)
+    # along the ray itself: one that starts straight above its cell looks past what stands in the way
+    start = cells[index] + (off / above[index])[:, None] * to_camera[index]
     return index[~scene.occluded(start, to_camera[index] / length[index, None])]
 
 

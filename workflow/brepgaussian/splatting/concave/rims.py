@@ -22,7 +22,8 @@ _PLACES = 96  # of a section's border
 _REACH_CELLS, _STEP_CELLS = 3.0, 0.25  # how far from it, how finely
 _SPAN = 4  # steps over which the slope is taken: a cell
 _BLUR_CELLS = 1.25  # to both sides of the steepest: pixels and cells blur a step by that
-_CONTRAST = 3.0  # tolerances of grey that a step has at least
+_CONTRAST = 3.0  # tolerances of grey that a step has at least,
+_FAINT = 1.0  # or where none has so much: between a lit floor and a hole in it
 _SEEN = 0.7  # of a profile, for a view to be asked
 _LEAST_VIEWS = 4  # that show a step there,
 _SPREAD_CELLS = 0.4  # and their median deviation at most
@@ -51,13 +52,22 @@ def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> 
         tolerance: grey levels by which views of one place may differ.
     """
     rim = rim_of(section, stack, centers, tolerance, _TOLD)
+    if rim is None or rim.told < _TOLD:
+        faint = rim_of(section, stack, centers, tolerance, _TOLD, contrast=_FAINT)
+        rim = faint if faint is not None and faint.told >= _TOLD else rim
     if rim is not None and rim.told < _TOLD:
         return rim.section if rim.section.at_rim or sure_of(rim.section) else None
     return None if rim is None else rim.section
 
 
 def rim_of(
-    section: Section, stack: Stack, centers: Array, tolerance: float, least: float, covered: Covered | None = None
+    section: Section,
+    stack: Stack,
+    centers: Array,
+    tolerance: float,
+    least: float,
+    covered: Covered | None = None,
+    contrast: float = _CONTRAST,
 ) -> Rim | None:
     """The rim that the views show of a section, None if theirs is another; as it is where they show less than `least`.
 
@@ -66,13 +76,14 @@ def rim_of(
         least: share of the rim that has to be shown.
         covered: which places of its border (N, 2) no view can show; pieces of the border that are shown nowhere else
             stay where they are.
+        contrast: tolerances of grey that a step has at least.
     """
     height, share = 0.0, 0.0
     for _ in range(2):  # the second time along the normals of what the first found
         places = section.border(_PLACES)
         hidden = np.zeros(len(places), bool) if covered is None else covered(places)
         outward = section.gradient(places)
-        steps = _steps(stack, places, outward, _CONTRAST * tolerance)
+        steps = _steps(stack, places, outward, contrast * tolerance)
         moved, told, height = _common(steps, _leans(stack, centers, places, outward))
         told &= ~hidden
         share = float(told.sum() / max(np.count_nonzero(~hidden), 1))

@@ -1,5 +1,6 @@
 """Ray casting against a hull's mesh."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -8,13 +9,22 @@ import open3d as o3d
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.mesh import vertex_normals
 
 
 class Scene:
-    """A triangle mesh to cast rays against: `vertices` (K, 3), `triangles` (T, 3) counter-clockwise from outside."""
+    """A triangle mesh to cast rays against.
 
-    def __init__(self, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> None:
+    Attributes:
+        vertices: (K, 3); triangles: (T, 3), counter-clockwise from outside.
+        rims: concavities that are cut into it, whose rims it has less exactly than they are known.
+    """
+
+    def __init__(
+        self, vertices: NDArray[np.floating], triangles: NDArray[np.integer], rims: Sequence[Prism] = ()
+    ) -> None:
+        self.rims = tuple(rims)
         self.vertices, self.triangles = np.asarray(vertices, np.float64), np.asarray(triangles, np.int64)
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))

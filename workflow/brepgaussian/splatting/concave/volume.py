@@ -1,6 +1,6 @@
 """A solid as a field on a grid: what the hull is carved out of."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,9 +37,9 @@ class Volume:
         vertices, triangles, _, _ = marching_cubes(self.field, 0.0, gradient_direction="ascent")
         return self.origin + self.spacing * vertices.astype(np.float64), triangles.astype(np.int64)
 
-    def scene(self) -> Scene:
-        """Its surface, to cast rays at."""
-        return Scene(*self.mesh())
+    def scene(self, rims: Sequence[Prism] = ()) -> Scene:
+        """Its surface, to cast rays at, with the concavities that are cut into it."""
+        return Scene(*self.mesh(), rims)
 
     def with_field(self, field: Field) -> "Volume":
         """Another solid on the same grid."""

@@ -74,12 +74,13 @@ def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: floa
         return prism
     stack, centers = rectify(images, scene, prism.lattice), images.views.cameras.centers
     section = at_rim(rough, stack, centers, images.tolerance)
+    if section is None or not section.at_rim:  # of a round opening, parts may look like the face around it
+        around = at_rim(circle_about(prism.outline), stack, centers, images.tolerance)
+        if around is not None and around.at_rim:
+            rough = section = around  # the cells tell nothing to weigh it against
     if section is None:
         logger.info("opening of area %.4f: its rim is no %s", prism.area, rough.shape)
-        section = at_rim(circle_about(prism.outline), stack, centers, images.tolerance)
-        if section is None or not section.at_rim:
-            return prism
-        rough = section  # the cells tell nothing to weigh it against
+        return prism
     logger.info("opening of area %.4f: %s cells, misfit %.2f", prism.area, section.shape, section.misfit)
     at_cells, result = replace(prism, section=rough), replace(prism, section=section)
     if np.abs(rough.signed_distance(section.border(_SAMPLES))).max() < _NOTABLE_CELLS:
