@@ -7,7 +7,7 @@ import pytest
 from brepgaussian.splatting.concave import Prism
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.sections import Rounded, Section
-from brepgaussian.splatting.concave.sounded import _finer, sounded
+from brepgaussian.splatting.concave.sounded import finer, sounded
 from brepgaussian.splatting.hull import carve
 from build123d import Align, Box, Cylinder, Pos, Rot
 from rendered import rendered
@@ -23,9 +23,9 @@ def hole() -> Prism:
     return Prism(lattice, outline, 0.2, False, 0.0, section=section)
 
 
-def test_finer_cells_draw_the_same_section():
+def testfiner_cells_draw_the_same_section():
     prism = hole()
-    fine, inside = _finer(prism)
+    fine, inside = finer(prism)
     assert abs(inside.sum() * fine.pitch**2 - np.pi * 0.082**2) < 0.02 * np.pi * 0.082**2
     middle = fine.centers()[inside].mean(axis=0)
     assert np.allclose(middle, prism.lattice.centers()[prism.outline].mean(axis=0), atol=1e-9)

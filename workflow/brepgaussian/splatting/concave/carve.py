@@ -7,6 +7,7 @@ from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
 from brepgaussian.splatting.concave.drilled import MOST_AGAINST, is_narrow
 from brepgaussian.splatting.concave.ends import lengthened
+from brepgaussian.splatting.concave.even import evened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import with_islands
 from brepgaussian.splatting.concave.join import joined, square_ends, told_once
@@ -93,6 +94,8 @@ def open_concavities(
                 hull = opened
             else:
                 wrong.add(k)
+        for k, prism in evened(images, scene, {k: known[k] for k in fresh if k not in ends | wrong}).items():
+            known[k], hull = prism, hull.without(prism, margins[k])
         for bend in found_bends:
             hull = cut(hull, bend)
         bends += found_bends

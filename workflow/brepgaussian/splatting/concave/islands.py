@@ -16,7 +16,7 @@ from brepgaussian.splatting.concave.agreement import mean_cost, rays_at_object
 from brepgaussian.splatting.concave.draw import circle, fitted
 from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
-from brepgaussian.splatting.concave.rims import Rim, rim_of
+from brepgaussian.splatting.concave.rims import CONTRAST, FAINT, Rim, rim_of
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import Rounded, Section
 from brepgaussian.splatting.concave.volume import Volume
@@ -36,13 +36,14 @@ _BROKEN_CELLS = 3  # half the width of a gap in a top around a hole, where few v
 _COMPACT_CELLS = 4  # half the width of a top, holes in it filled
 _GAP_CELLS, _RING_CELLS, _BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
 _FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a half
-_RING_SHARE = 0.7  # of the ring is not what it seems to be
-_HIDDEN_SHARE = 0.5  # of a top hides the floor
+_RING_SHARE = 0.6  # of the ring is not what it seems to be
+_HIDDEN_SHARE = 0.4  # of a top hides the floor
 _LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
 _IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
 _STRIDE_PX = 2  # between the rays that judge a boss
 _FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's height
 _TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
+_CLEARLY = 0.6  # of it, or steps of less contrast are asked, too
 _SIZES = 1.03  # ratio of sections that are meant to be one
 _OVERLAP = 0.2  # of a top, that may be another one's
 _TURNS = 2  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
@@ -230,11 +231,20 @@ def _rim(images: Images, standing: Scene, prism: Prism, island: Prism) -> Rim | 
     around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + _RING_CELLS)
     stack = across(images, standing, island.lattice, around)
     centers = images.views.cameras.centers
-    rims = [rim_of(rough, stack, centers, images.tolerance, _LEAST_TOLD) for rough in _rough(island)]
     walled = _against_walls(prism, island)
-    if walled is not None:
-        rims.append(rim_of(walled, stack, centers, images.tolerance, _LEAST_TOLD, lambda at: prism.lateral(at) > 0))
-    return max((r for r in rims if r is not None and r.section.at_rim), key=lambda r: r.told, default=None)
+
+    def told(contrast: float) -> Rim | None:
+        """The one that is told best by steps of some contrast."""
+        rims = [rim_of(r, stack, centers, images.tolerance, _LEAST_TOLD, contrast=contrast) for r in _rough(island)]
+        if walled is not None:
+            covered = lambda at: prism.lateral(at) > 0  # noqa: E731
+            rims.append(rim_of(walled, stack, centers, images.tolerance, _LEAST_TOLD, covered, contrast))
+        return max((r for r in rims if r is not None and r.section.at_rim), key=lambda r: r.told, default=None)
+
+    clear = told(CONTRAST)
+    if clear is not None and clear.told >= _CLEARLY:
+        return clear
+    return max((r for r in (clear, told(FAINT)) if r is not None), key=lambda r: r.told, default=None)
 
 
 def _alike(one: Section, other: Section) -> bool:

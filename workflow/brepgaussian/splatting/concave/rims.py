@@ -22,8 +22,8 @@ _PLACES = 96  # of a section's border
 _REACH_CELLS, _STEP_CELLS = 3.0, 0.25  # how far from it, how finely
 _SPAN = 4  # steps over which the slope is taken: a cell
 _BLUR_CELLS = 1.25  # to both sides of the steepest: pixels and cells blur a step by that
-_CONTRAST = 3.0  # tolerances of grey that a step has at least,
-_FAINT = 1.0  # or where none has so much: between a lit floor and a hole in it
+CONTRAST = 3.0  # tolerances of grey that a step has at least,
+FAINT = 1.0  # or where none has so much: between a lit floor and a hole in it
 _SEEN = 0.7  # of a profile, for a view to be asked
 _LEAST_VIEWS = 4  # that show a step there,
 _SPREAD_CELLS = 0.4  # and their median deviation at most
@@ -53,7 +53,7 @@ def at_rim(section: Section, stack: Stack, centers: Array, tolerance: float) -> 
     """
     rim = rim_of(section, stack, centers, tolerance, _TOLD)
     if rim is None or rim.told < _TOLD:
-        faint = rim_of(section, stack, centers, tolerance, _TOLD, contrast=_FAINT)
+        faint = rim_of(section, stack, centers, tolerance, _TOLD, contrast=FAINT)
         rim = faint if faint is not None and faint.told >= _TOLD else rim
     if rim is not None and rim.told < _TOLD:
         return rim.section if rim.section.at_rim or sure_of(rim.section) else None
@@ -67,7 +67,7 @@ def rim_of(
     tolerance: float,
     least: float,
     covered: Covered | None = None,
-    contrast: float = _CONTRAST,
+    contrast: float = CONTRAST,
 ) -> Rim | None:
     """The rim that the views show of a section, None if theirs is another; as it is where they show less than `least`.
 

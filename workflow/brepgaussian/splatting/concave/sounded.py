@@ -41,7 +41,7 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     if section is None or not plain or prism.islands or prism.ring or is_narrow(prism.outline):
         return prism
     taken = images.as_taken
-    fine, inside = _finer(prism)
+    fine, inside = finer(prism)
     looked = looked_into(rectify(taken, scene, fine), inside, taken.views.cameras.centers, scene)
     if looked is None:
         return prism
@@ -70,7 +70,7 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     return replace(prism, depth=depth, endless=False) if told or not prism.endless else prism
 
 
-def _finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
+def finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
     """A finer lattice around an opening, and its cells (R, C) within the section."""
     used = np.argwhere(prism.outline)
     low, high = used.min(axis=0) - _AROUND_CELLS, used.max(axis=0) + 1 + _AROUND_CELLS
