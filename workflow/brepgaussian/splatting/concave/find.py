@@ -42,7 +42,7 @@ _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
 _WITHIN = 0.8  # of a recess around a hub lies in one that goes under it
 _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
-_LEAST_CURVED_CELLS = 7.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
+_LEAST_CURVED_CELLS = 5.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 
 Array = NDArray[np.float64]
