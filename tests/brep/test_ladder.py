@@ -10,6 +10,7 @@ from brepgaussian.brep import occ, publish
 from brepgaussian.brep.gate import integrity
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.ladder import _guessed, climb, make_job, other_jobs
+from brepgaussian.brep.structure import CONVEX
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import StageError
@@ -91,9 +92,10 @@ def test_faces_are_guessed_whose_edges_no_image_shows(kit, worker):
     outcome = solve(kit, worker, known)
     attempt = Attempt("support", b"", Verdict((), structure=outcome.structure), primitives=(*range(6), -1))
     edges = [i for i, e in enumerate(outcome.structure.edges) if 6 in e.surfaces]  # the bore's
-    for seen, guessed in (((), 1), (edges[:1], 0)):
+    assert {outcome.structure.edges[i].convexity for i in edges} == {CONVEX}
+    for seen, px, guessed in (((), 0.1, 1), (edges[:1], 0.1, 0), (edges, 1.2, 1)):  # views may show it elsewhere
         rows = [
-            {"name": f"edge {i}", "silhouette_px": None, "interior_px": 0.1 if i in seen else None}
+            {"name": f"edge {i}", "silhouette_px": None, "interior_px": px if i in seen else None}
             for i in range(len(outcome.structure.edges))
         ]
         assert _guessed(attempt, {"refinement": {"edges": rows}}) == guessed

@@ -22,11 +22,11 @@ from brepgaussian.brep.polish import Polished, badness, inspect
 from brepgaussian.brep.profiles import flattened, grooved, straightened
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
-from brepgaussian.brep.shown import edge_rows
+from brepgaussian.brep.shown import SHOWN_PX, edge_rows
 from brepgaussian.brep.silhouettes import Silhouettes, make_silhouettes
 from brepgaussian.brep.simplify import Change, applied
 from brepgaussian.brep.skins import ramps, skins
-from brepgaussian.brep.structure import Structure
+from brepgaussian.brep.structure import CONVEX, Structure
 from brepgaussian.brep.symmetry import symmetric
 from brepgaussian.brep.tangents import cleared, tangent_walls
 from brepgaussian.brep.tidy import tidy
@@ -190,7 +190,7 @@ def climb(
     guessed = _guessed(chosen, judged)
     if guessed:
         report["accepted"] = False
-        report["hints"] = [*report["hints"], f"{guessed} faces are guessed: no view shows an edge of them"]
+        report["hints"] = [*report["hints"], f"{guessed} faces are guessed: no view shows an edge of them where it is"]
     untold = _untold(worker, chosen, views, job.settings) if views is not None and report["accepted"] else []
     if untold:
         report["accepted"] = False
@@ -219,13 +219,21 @@ def _writable(worker: Worker, search: Search, found: Polished | None) -> Polishe
 
 
 def _guessed(chosen: Attempt, judged: Mapping[str, Any]) -> int:
-    """Number of faces on surfaces without points, none of whose edges the images show."""
+    """Number of faces on surfaces without points, none of whose edges the images show where it is.
+
+    Light that faces throw on each other shifts concave edges: where there are convex ones, these tell.
+    """
     structure, details = chosen.verdict.structure, judged.get("refinement", {})
     if structure is None or not details:
         return 0
-    rows = edge_rows(details["edges"])
-    told = [k for k, row in rows if row["silhouette_px"] is not None or row["interior_px"] is not None]
-    seen = {face for edge in told for face in structure.edges[edge].faces}
+    off: dict[bool, dict[int, float]] = {True: {}, False: {}}  # px of a face's best convex edge, and of its best other
+    for k, row in edge_rows(details["edges"]):
+        told = [px for px in (row["silhouette_px"], row["interior_px"]) if px is not None]
+        best = off[structure.edges[k].convexity == CONVEX]
+        for face in structure.edges[k].faces if told else ():
+            best[face] = min(best.get(face, np.inf), *told)
+    missed = {face for face, px in off[True].items() if px > SHOWN_PX}
+    seen = ({*off[True], *off[False]}) - missed
     primitives = [chosen.primitives[f.surface] if f.surface >= 0 else 0 for f in structure.faces]
     return sum(primitive < 0 and face not in seen for face, primitive in enumerate(primitives))
 

@@ -12,7 +12,7 @@ from brepgaussian.brep.structure import CONVEX, SMOOTH, Structure
 
 Array = NDArray[np.float64]
 
-_SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
+SHOWN_PX = 0.5  # median distance of an edge from a step of luminance that shows it
 _SURE_PX = 0.1  # the same of an edge that is known to be where it is,
 _SEEN = 20  # if so many observations say so
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
@@ -86,7 +86,7 @@ def is_shown(row: Mapping[str, Any]) -> bool:
 
 
 def _is_step(row: Mapping[str, Any]) -> bool:
-    return row["interior_px"] is not None and row["interior_px"] < _SHOWN_PX
+    return row["interior_px"] is not None and row["interior_px"] < SHOWN_PX
 
 
 def lost_edges(structure: Structure | None, known: Sequence[ShownEdge], smooth: Collection[int] = ()) -> int:
