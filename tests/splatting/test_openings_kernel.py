@@ -105,7 +105,7 @@ def traced_slowly(rays, i, room, walls):
     """One ray's way to the wall, in steps that cannot pass it."""
     speed = max(np.linalg.norm(rays.sideways[i]), 1e-3) + walls.get("draft", 0.0)
     depth = rays.entry[i]
-    for _ in range(32):
+    for _ in range(256):
         left = room(i, np.array([depth]))[0]
         if left <= 0.05 or depth >= 40:
             break
