@@ -84,7 +84,7 @@ def _resized(patches: Sequence[Patch], edges: Sequence[Blend]) -> list[Patch]:
 def _closest(patch: Patch, faces: Sequence[Surface]) -> Surface | None:
     """The fillet of some faces that fits a patch best, if one lies on the side that its points show."""
     own = size(patch.surface)
-    found = on_both_sides(patch, _builder(faces), (own / _LIKE, own * _LIKE))
+    found = on_both_sides(patch, builder(faces), (own / _LIKE, own * _LIKE))
     return min(found, key=lambda s: s.rms(patch.xyz), default=None)
 
 
@@ -115,7 +115,7 @@ def exact_blends(patches: Sequence[Patch], blends: Sequence[Blend]) -> list[Patc
     radii = _shared([size(patches[b.patch].surface) for b in blends], _EXACT)
     for blend, radius in sorted(zip(blends, radii, strict=True), key=lambda pair: -_is_face(pair[0], blends)):
         old = result[blend.patch].surface
-        build = _builder([result[i].surface for i in blend.faces])
+        build = builder([result[i].surface for i in blend.faces])
         result[blend.patch] = replace(result[blend.patch], surface=build(-radius if old.flipped else radius))
     return result
 
@@ -167,7 +167,7 @@ def _on_fillet(surface: Surface, patch: Patch, noise: float) -> NDArray[np.bool_
     return np.asarray(near & (np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals) > _FACING))
 
 
-def _builder(faces: Sequence[Surface]) -> Builder:
+def builder(faces: Sequence[Surface]) -> Builder:
     """The fillet of some faces by its signed radius, positive on convex edges."""
     if len(faces) == 3:
         return partial(_ball, faces)

@@ -6,20 +6,17 @@ faces on both sides has one free parameter where the other has five.
 """
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 from itertools import combinations
 
 import numpy as np
 
+from brepgaussian.brep.blends import builder
 from brepgaussian.brep.fillets import on_both_sides
 from brepgaussian.brep.patches import Patch, neighbours
 from brepgaussian.brep.simplify import Change, joined
-from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import Surface
 
-_STRAY = (
-    0.02  # sine of the angle, 1.1 degrees, or share of the radius by which a turned face misses its neighbour's axis
-)
+_STRAY = 0.02  # sine of 1.1 degrees, or share of the radius, by which a turned face misses the axis of one beside it
 _NO_WORSE = 1.1  # times its present residual: as good, with four parameters less
 _SQUARE = 0.996  # |cosine| of 5 degrees, between a cylinder's axis and a plane's normal,
 _BLUNT = 0.9  # and at most between two planes with an edge
@@ -32,8 +29,7 @@ def mistaken(patches: Sequence[Patch]) -> list[Change]:
     for i, patch in enumerate(patches):
         if patch.surface.kind not in ("cone", "cylinder"):
             continue
-        beside = neighbours(i, patches)
-        around = [patches[k] for k in beside]
+        around = [patches[k] for k in neighbours(i, patches)]
         if not _leans(patch.surface, [p.surface for p in around]):
             continue
         made = [surface for pair in _edges(around) for surface in _fillets(patch, *pair)]
@@ -71,5 +67,4 @@ def _edges(patches: Sequence[Patch]) -> Iterator[tuple[Surface, Surface]]:
 def _fillets(patch: Patch, first: Surface, second: Surface) -> Iterator[Surface]:
     """What touches two faces and is nearest to a patch's points, on either side."""
     height = max(float(np.abs(s.signed_distance(patch.xyz)).mean()) for s in (first, second))
-    build = partial(touching if first.kind == "cylinder" else rolling, first, second)
-    yield from on_both_sides(patch, build, (_RADII[0] * height, _RADII[1] * height))
+    yield from on_both_sides(patch, builder((first, second)), (_RADII[0] * height, _RADII[1] * height))

@@ -25,8 +25,10 @@ def untold_floors(scene: Scene, structure: Structure, views: Views) -> list[int]
         structure: its faces and edges.
         views: images and cameras.
     """
-    shown, noise, poses = whole_images(views), prepare(views).noise, np.zeros((len(views.cameras), 3))
     found = floors(scene.mesh, structure)
+    if not found:
+        return []
+    shown, noise, poses = whole_images(views), prepare(views).noise, np.zeros((len(views.cameras), 3))
     return [face for face in found if not _is_told(pit_of(scene, structure, shown, noise, poses, face, 0.0))]
 
 

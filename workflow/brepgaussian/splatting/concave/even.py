@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.depth import looked_into
-from brepgaussian.splatting.concave.openings import Images, rectify
+from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import PARALLEL
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import Rounded
-from brepgaussian.splatting.concave.shapes import SURE, Opening, Shape
-from brepgaussian.splatting.concave.sounded import finer
+from brepgaussian.splatting.concave.shapes import SURE, Shape
+from brepgaussian.splatting.concave.sounded import along_walls, is_plain
 
 _AS_WIDE_CELLS = 0.4  # by which radii of one drill differ: a rim is told to .1
 _LEVEL_CELLS = 2.0  # between the planes that two mouths lie on, if they lie on one
@@ -34,7 +33,7 @@ def evened(images: Images, scene: Scene, prisms: Mapping[int, Prism]) -> dict[in
         prisms: holes by any number; what is not round, plain and blind stays.
     """
     result: dict[int, Prism] = {}
-    drilled = [k for k, prism in prisms.items() if _is_drilled(prism)]
+    drilled = [k for k, prism in prisms.items() if is_plain(prism) and _radius(prism) is not None]
     for k in drilled:
         deepest = max((prisms[j] for j in drilled if _alike(prisms[k], prisms[j])), key=lambda p: p.depth)
         if deepest.depth < prisms[k].depth + _DEEPER_CELLS * prisms[k].lattice.pitch:
@@ -46,12 +45,6 @@ def evened(images: Images, scene: Scene, prisms: Mapping[int, Prism]) -> dict[in
             )  # fmt: skip
             result[k] = replace(prisms[k], depth=deepest.depth, endless=prisms[k].endless and deepest.endless)
     return result
-
-
-def _is_drilled(prism: Prism) -> bool:
-    """Whether a concavity is a plain round blind hole with drawn walls."""
-    plain = not (prism.through or prism.domed or prism.draft or prism.step or prism.above or any(prism.tilt))
-    return plain and not (prism.islands or prism.ring) and _radius(prism) is not None
 
 
 def _radius(prism: Prism) -> float | None:
@@ -72,15 +65,11 @@ def _alike(one: Prism, other: Prism) -> bool:
 
 def _surely_shallower(images: Images, scene: Scene, prism: Prism, depth: float) -> bool:
     """Whether views surely agree better on a hole as it is than on one of some greater depth."""
-    taken = images.as_taken
-    fine, inside = finer(prism)
-    looked = looked_into(rectify(taken, scene, fine), inside, taken.views.cameras.centers, scene)
+    looked = along_walls(images, scene, prism, (_RAYS,))
     if looked is None:
         return False
-    every, ends, breaks = looked
-    opening = Opening(every, _RAYS, inside, ends, taken.tolerance, breaks)
-    if depth / fine.pitch > opening.deepest:
+    pitch, (opening,) = looked
+    if depth / pitch > opening.deepest:
         return True
-    opening.keep_clear(0.0)
-    old, new = (opening.costs(Shape(one / fine.pitch)) for one in (prism.depth, depth))
+    old, new = (opening.costs(Shape(one / pitch)) for one in (prism.depth, depth))
     return opening.advantage(new, old) >= SURE

@@ -1,6 +1,6 @@
 """Where views disagree with a lid: openings in a plane or a smooth face of the hull."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -162,26 +162,25 @@ def _stack(
     shape = (len(images.views.cameras), *lattice.shape)
     grey, shown = np.full(shape, np.nan, np.float32), np.full(shape, UNSEEN, np.uint8)
     grey[:, domain], shown[:, domain] = _look(images, scene, cells[within], normals[within], off * lattice.pitch)
-    for view, center in enumerate(images.views.cameras.centers if scene.rims else ()):
-        unsure = np.zeros(lattice.shape, bool)
-        unsure[domain] = _past_rims(cells[within], center, scene.rims, lattice.pitch)
-        grey[view, unsure], shown[view, unsure] = np.nan, UNSEEN
+    for rim in scene.rims:
+        for view, unsure in enumerate(_past_rim(cells[within], images.views.cameras.centers, rim, lattice.pitch)):
+            hidden = np.flatnonzero(within)[unsure]
+            grey[view].reshape(-1)[hidden], shown[view].reshape(-1)[hidden] = np.nan, UNSEEN
     return Stack(lattice, domain, shown, grey, relief)
 
 
-def _past_rims(cells: Array, center: Array, rims: Sequence[Prism], pitch: float) -> NDArray[np.bool_]:
-    """(N,) cells (N, 3) in pockets that a camera sees past their rims: it may as well show the face around these."""
-    unsure = np.zeros(len(cells), bool)
-    for rim in rims:
-        places, height = rim.upright(cells)
-        up = (center - cells) @ rim.lattice.normal
-        below = np.flatnonzero((rim.lateral(places) < 0) & (height < -_RIM_CELLS * pitch) & (up > -height))
-        ray = (center - cells[below]) / up[below, None]  # for one unit of height
+def _past_rim(cells: Array, centers: Array, rim: Prism, pitch: float) -> Iterator[NDArray[np.int64]]:
+    """For each view, which of the cells (N, 3) in a pocket it sees past the rim: it may show the face around that."""
+    places, height = rim.upright(cells)
+    inside = np.flatnonzero((rim.lateral(places) < 0) & (height < -_RIM_CELLS * pitch))
+    for center in centers:
+        up = (center - cells[inside]) @ rim.lattice.normal
+        below, up = inside[up > -height[inside]], up[up > -height[inside]]
+        ray = (center - cells[below]) / up[:, None]  # for one unit of height
         passed, _ = rim.lattice.coordinates(cells[below] - height[below, None] * ray)
         beyond = rim.lateral(passed) / pitch
         slant = np.linalg.norm(ray, axis=1)
-        unsure[below] |= (beyond > -_RIM_CELLS) & (beyond < _OFF_RIM_CELLS * slant)
-    return unsure
+        yield below[(beyond > -_RIM_CELLS) & (beyond < _OFF_RIM_CELLS * slant)]
 
 
 def refuted_share(images: Images, scene: Scene, places: Array, normals: Array, pitch: float) -> Array:

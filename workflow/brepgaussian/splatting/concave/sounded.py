@@ -3,6 +3,7 @@
 Cells are half as large as the ones in which an opening is found, as is the error of its outline.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,19 +37,12 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
         scene: the hull, before it is cut.
         prism: anything else stays as it is, and what is so narrow that its depth was found in such cells.
     """
-    section = prism.section
-    plain = not (prism.through or prism.domed or prism.draft or prism.step or prism.above or any(prism.tilt))
-    if section is None or not plain or prism.islands or prism.ring or is_narrow(prism.outline):
+    if prism.section is None or not is_plain(prism) or is_narrow(prism.outline):
         return prism
-    taken = images.as_taken
-    fine, inside = finer(prism)
-    looked = looked_into(rectify(taken, scene, fine), inside, taken.views.cameras.centers, scene)
+    looked = along_walls(images, scene, prism, (_RAYS, _FINAL_RAYS))
     if looked is None:
         return prism
-    every, ends, breaks = looked
-    opening, full = (Opening(every, count, inside, ends, taken.tolerance, breaks) for count in (_RAYS, _FINAL_RAYS))
-    for one in (opening, full):
-        one.keep_clear(0.0)
+    pitch, (opening, full) = looked
     depths = opening.deepest / _RATIO ** np.arange(np.log(opening.deepest / opening.shallowest) // np.log(_RATIO))
     shapes = [Shape(float(depth)) for depth in depths[::-1]]
     costs = {shape: opening.costs(shape) for shape in shapes}
@@ -58,16 +52,41 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     near = best.depth * _NEAR_RATIO ** np.arange(-_NEAR, _NEAR + 1.0)
     best = min((Shape(float(d)) for d in near if d <= opening.deepest), key=lambda shape: full.score(shape)[0])
     told = full.advantage(full.costs(shapes[-1]), full.costs(best)) >= SURE
-    old = Shape(prism.depth / fine.pitch)
+    old = Shape(prism.depth / pitch)
     far = abs(best.depth - old.depth) > _NEAR_CELLS
     if far and full.advantage(full.costs(old), full.costs(best)) <= SURE:
         return prism
-    depth = best.depth * fine.pitch
+    depth = best.depth * pitch
     logger.info(
         "opening of area %.4f: along its walls %.4f deep, not %.4f%s",
         prism.area, depth, prism.depth, "" if told or not prism.endless else ": not told",
     )  # fmt: skip
     return replace(prism, depth=depth, endless=False) if told or not prism.endless else prism
+
+
+def is_plain(prism: Prism) -> bool:
+    """Whether a concavity is blind, with straight upright walls and a flat floor on which nothing stands."""
+    leaning = prism.draft or prism.above or any(prism.tilt)
+    return not (prism.through or prism.domed or prism.step or leaning or prism.islands or prism.ring)
+
+
+def along_walls(
+    images: Images, scene: Scene, prism: Prism, counts: Sequence[int]
+) -> tuple[float, list[Opening]] | None:
+    """The side of finer cells, unit frame, and an opening in them along drawn walls for each number of rays.
+
+    Rays at the rim count in none of them; None where few rays look in.
+    """
+    taken = images.as_taken
+    fine, inside = finer(prism)
+    looked = looked_into(rectify(taken, scene, fine), inside, taken.views.cameras.centers, scene)
+    if looked is None:
+        return None
+    every, ends, breaks = looked
+    found = [Opening(every, count, inside, ends, taken.tolerance, breaks) for count in counts]
+    for opening in found:
+        opening.keep_clear(0.0)
+    return fine.pitch, found
 
 
 def finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
