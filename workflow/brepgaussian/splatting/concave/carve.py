@@ -100,14 +100,14 @@ def open_concavities(
             hull = cut(hull, bend)
         bends += found_bends
         fresh = [k for k in fresh if k not in wrong]
-        scene = hull.scene(known)
+        scene = hull.scene([known[k] for k in range(len(known)) if k not in wrong])
         longer = {k: lengthened(images, scene, known[k]) for k in fresh}  # with the pockets of this level cut
         longer = {k: prism for k, prism in longer.items() if prism is not known[k]}
         for k, prism in longer.items():
             known[k], hull = prism, hull.without(prism, margins[k])
-        scene = hull.scene(known) if longer else scene
         floors = [known[k] for k in fresh if not known[k].ring]
         known = [prism for k, prism in enumerate(known) if k not in wrong]
+        scene = hull.scene(known) if longer else scene
         if not (floors or below):
             break
     for k, prism in enumerate(known):
