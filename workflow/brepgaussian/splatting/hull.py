@@ -131,6 +131,7 @@ def carve(
         silhouettes_alone = volume
         if patches is not None:
             volume, faces = flatten_faces(images, patches, volume, _sample)
+        flat = volume
         if concavities:
             volume, prisms = open_channels(images, volume, [(f.lattice, f.outline) for f in faces])
         if patches is not None:
@@ -140,7 +141,7 @@ def carve(
             uncut, volume = volume, open_corners(images, volume, [-face.lattice.normal for face in faces])
             cornered = volume
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
-            volume, more, bends = open_concavities(images, volume, planes)
+            volume, more, bends = open_concavities(images, volume, planes, flat)
             volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces])
             # last: what rays tell goes before what is likely
             volume, wider = widen(images, volume, planes, more)

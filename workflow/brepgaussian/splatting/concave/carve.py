@@ -49,7 +49,7 @@ def open_channels(images: Images, hull: Volume, faces: Sequence[Outlined] = ()) 
 
 
 def open_concavities(
-    images: Images, hull: Volume, planes: Sequence[Plane] = ()
+    images: Images, hull: Volume, planes: Sequence[Plane] = (), uncut: Volume | None = None
 ) -> tuple[Volume, list[Prism], list[Bend]]:
     """Carve pockets and holes that views show to be open although every silhouette is blind to them.
 
@@ -57,6 +57,7 @@ def open_concavities(
         images: of all views.
         hull: what silhouettes leave.
         planes: of the faces that views have confirmed.
+        uncut: before channels and corners were cut out, with which bosses in a pocket may have gone. None = the hull.
 
     Returns:
         The opened hull, the concavities, and what joins those that are ends of a bent bore.
@@ -85,13 +86,15 @@ def open_concavities(
         for k, prism in zip(fresh, straight, strict=True):
             known[k] = prism
         wrong: set[int] = set()
+        done = [k for k in range(len(known)) if k not in fresh]
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             if k not in ends:
                 known[k] = sounded(images, scene, shortened(images, hull, known[k], margins[k]))
-                known[k] = with_islands(images, hull, known[k], margins[k])
+                known[k], hull = _with_islands(images, hull, uncut, known, k, done)
             opened = hull.without(known[k], margins[k])
             if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):
                 hull = opened
+                done.append(k)
             else:
                 wrong.add(k)
         for k, prism in evened(images, scene, {k: known[k] for k in fresh if k not in ends | wrong}).items():
@@ -123,6 +126,19 @@ def open_concavities(
             hull, scene = opened, after
             known.append(prism)
     return hull, known, bends
+
+
+def _with_islands(
+    images: Images, hull: Volume, uncut: Volume | None, known: Sequence[Prism], k: int, done: Sequence[int]
+) -> tuple[Prism, Volume]:
+    """One of the known concavities with what stands in it, and the hull with that, too; others are `done` already."""
+    whole, margin = hull, hull.margin(known[k])
+    if uncut is not None:
+        whole = hull.filled(known[k], margin, uncut)
+        for other in done:
+            whole = whole.without(known[other], hull.margin(known[other]))
+    prism = with_islands(images, whole, known[k], margin)
+    return prism, whole if prism.islands else hull
 
 
 def _parted(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:

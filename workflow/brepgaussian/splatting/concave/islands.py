@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from skimage.morphology import convex_hull_image
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import mean_cost, rays_at_object
 from brepgaussian.splatting.concave.draw import circle, fitted
-from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
+from brepgaussian.splatting.concave.openings import Images, across
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rims import CONTRAST, FAINT, Rim, rim_of
 from brepgaussian.splatting.concave.scene import Scene
@@ -24,22 +25,25 @@ from brepgaussian.splatting.concave.volume import Volume
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-_HIDING_CELLS = 2  # half the width of what hides the floor, at least
-_AGREED = (0.9, SURFACE_SHARE, 0.7)  # share of a cell's views that agree on a top
+_AGREED = 0.8  # share of a cell's views that agree on a top,
+_PEAK = 0.12  # and by how much less they do above and below,
+_BESIDE_PLANES = (4, 5, 6)  # planes off
+_LEAST_MEAN_PEAK = 0.2  # on average: true tops had .25-.45, what one grey makes of a floor mostly less
+_BLUR_CELLS = 1.0
+_FAINTEST = 1e-3
+_SOLID = 0.6  # of what a top spans
 _LEAST_HEIGHT_CELLS = 4.0  # of a boss, and from its top to the rim: floors are told to a cell or two
+_LEAST_TOP_CELLS = 49  # of a top: as compact as they are
 _STEP_CELLS = 0.75  # between the planes: farther than half of that from a top, views agree about it less
-_BORDER_CELLS = 3  # along a pocket's walls views disagree about its floor
-_WIDER_CELLS = 12  # a top is wider than what hides the floor, where both have one grey
+_BORDER_CELLS = 5  # from a wall: a boss that ends there stands against it, for views disagree about what is next to it
 _BESIDE_CELLS = 4  # around a top, where its rim is sought
 _THIN_CELLS = 1  # half the width of what joins a top to a wall about which views agree as well
 _BROKEN_CELLS = 3  # half the width of a gap in a top around a hole, where few views see it
-_COMPACT_CELLS = 4  # half the width of a top, holes in it filled
-_GAP_CELLS, _RING_CELLS, _BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
-_FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a half
-_RING_SHARE = 0.6  # of the ring is not what it seems to be
-_HIDDEN_SHARE = 0.4  # of a top hides the floor
+_COMPACT_CELLS = 3  # half the width of a top, holes in it filled
+_RING_CELLS, _BAND_CELLS = 3, 2  # what is looked at around a top, and within its border
 _LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
 _IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
+_FRINGE, _WIDE = 0.5, 0.8  # of the cells side by side, and the quantile of their numbers that is a boss's width
 _STRIDE_PX = 2  # between the rays that judge a boss
 _FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's height
 _TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
@@ -48,7 +52,8 @@ _SIZES = 1.03  # ratio of sections that are meant to be one
 _OVERLAP = 0.2  # of a top, that may be another one's
 _TURNS = 2  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
 _TRIED_CELLS = 2.0  # between the height of a top that views don't believe and that of one which is worth a try
-_GAIN = 0.6  # share of the views' disagreement that a boss leaves at most where it is
+_GAIN = 0.75  # share of the views' disagreement that a boss leaves at most where it is: with a hole in it .4-.7,
+# false ones .85 and more
 _LEAST_OFF = 0.5  # tolerances by which views disagree about what would be seen if there were none
 _LEAST_RAYS = 20  # that tell something, for them to judge
 
@@ -57,7 +62,7 @@ logger = get_logger("stage1")
 
 @dataclass(frozen=True)
 class _Top:
-    """Cells (R, C) of a plane at a `depth` below the rim; `contrast` of agreement within their border and beyond."""
+    """Cells (R, C) of a plane at a `depth` below the rim; `contrast` of views' agreement there, above and below."""
 
     outline: Cells
     depth: float
@@ -78,10 +83,7 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
     if not flat or prism.depth < 2 * _LEAST_HEIGHT_CELLS * pitch:
         return prism
     cut = hull.without(prism, margin).scene()
-    hidden = _hidden(images, cut, prism)
-    if not hidden.any():
-        return prism
-    tops = sorted(_tops(images, cut, prism, hidden), key=lambda top: -top.contrast)
+    tops = sorted(_tops(images, cut, prism), key=lambda top: -top.contrast * np.sqrt(top.outline.sum()))
     kept: list[Prism] = []
     wrong: list[Prism] = []
     for _ in range(_TURNS):
@@ -128,45 +130,35 @@ def _believed(
     return _seen(images, standing(level), cut, level) if len(level) > len(kept) else kept
 
 
-def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
-    """(R, C) cells of a pocket's floor that views show something else at, or do not show: bosses may stand there."""
-    lattice = prism.lowered(prism.depth)
-    inner = ndimage.binary_erosion(prism.outline, iterations=_BORDER_CELLS)
-    hidden = inner & (across(images, cut, lattice, prism.outline).agreement < SURFACE_SHARE)
-    return np.asarray(ndimage.binary_opening(hidden, iterations=_HIDING_CELLS))
-
-
-def _tops(images: Images, cut: Scene, prism: Prism, hidden: Cells) -> Iterator[_Top]:
-    """What may be the top of a boss, on all planes between floor and rim."""
+def _tops(images: Images, cut: Scene, prism: Prism) -> Iterator[_Top]:
+    """What may be the top of a boss, on all planes between floor and rim: views agree about it there only."""
     pitch = prism.lattice.pitch
-    near = prism.outline & ndimage.binary_dilation(hidden, iterations=_WIDER_CELLS)
-    domain = prism.outline & ndimage.binary_dilation(near, iterations=_GAP_CELLS + _RING_CELLS)
-    clear = ndimage.binary_erosion(prism.outline, iterations=_BORDER_CELLS)
-    lowest = prism.depth - _LEAST_HEIGHT_CELLS * pitch
-    for depth in np.arange(_LEAST_HEIGHT_CELLS * pitch, lowest, _STEP_CELLS * pitch):
-        agreement = across(images, cut, prism.lowered(float(depth)), domain).agreement
-        against = domain & (agreement < SURFACE_SHARE)
-        for outline in _compact(agreement, near):
-            blurred = ndimage.binary_dilation(outline, iterations=_GAP_CELLS)
-            around = ndimage.binary_dilation(blurred, iterations=_RING_CELLS) & ~blurred
-            ring = around & prism.outline  # a boss may stand against a wall, or in a corner
-            if ring.sum() < _FREE_SHARE * around.sum() or not clear[outline].any():
-                continue
-            if against[ring].mean() >= _RING_SHARE and hidden[outline & clear].mean() >= _HIDDEN_SHARE:
-                band = outline & ~ndimage.binary_erosion(outline, iterations=_BAND_CELLS)  # there may be a hole within
-                contrast = float(agreement[band].mean() - agreement[ring & domain].mean())
+    depths = np.arange(_LEAST_HEIGHT_CELLS * pitch, prism.depth - _LEAST_HEIGHT_CELLS * pitch, _STEP_CELLS * pitch)
+    stacks = (across(images, cut, prism.lowered(float(depth)), prism.outline) for depth in depths)
+    agreement = np.stack([stack.agreement for stack in stacks]).astype(np.float32)  # (D, R, C)
+    for k, depth in enumerate(depths):
+        beside = [j for off in _BESIDE_PLANES for j in (k - off, k + off) if 0 <= j < len(depths)]
+        if not beside:
+            continue
+        peak = agreement[k] - agreement[beside].mean(axis=0)
+        for outline in _compact(agreement[k], peak, prism.outline):
+            contrast = float(peak[outline].mean())
+            if contrast >= _LEAST_MEAN_PEAK and outline.sum() >= _LEAST_TOP_CELLS:
                 yield _Top(outline, float(depth), contrast)
 
 
-def _compact(agreement: Array, near: Cells) -> Iterator[Cells]:
-    """Compact regions (R, C) about which views agree (R, C), holes in them filled; several ways to tell them apart."""
-    for least in _AGREED:
-        agreed = ndimage.binary_opening((agreement >= least) & near, iterations=_THIN_CELLS)
-        for broken in (0, _BROKEN_CELLS):
-            whole = ndimage.binary_closing(agreed, iterations=broken) if broken else agreed
-            compact = ndimage.binary_opening(ndimage.binary_fill_holes(whole), iterations=_COMPACT_CELLS)
-            labels, count = ndimage.label(compact)
-            yield from (labels == k for k in range(1, count + 1))
+def _compact(agreement: Array, peak: Array, within: Cells) -> Iterator[Cells]:
+    """Compact regions (R, C) of a pocket about which views agree (R, C), and less so above and below, without holes."""
+    weight = np.maximum(ndimage.gaussian_filter(within.astype(float), _BLUR_CELLS), _FAINTEST)
+    smooth, clear = (ndimage.gaussian_filter(np.where(within, a, 0.0), _BLUR_CELLS) / weight for a in (agreement, peak))
+    agreed = ndimage.binary_opening(within & (smooth >= _AGREED) & (clear >= _PEAK), iterations=_THIN_CELLS)
+    whole = ndimage.binary_fill_holes(ndimage.binary_closing(agreed, iterations=_BROKEN_CELLS))
+    labels, count = ndimage.label(ndimage.binary_opening(whole, iterations=_COMPACT_CELLS))
+    for k in range(1, count + 1):
+        region = labels == k
+        convex = convex_hull_image(region) & within
+        gap = ndimage.binary_opening(convex & ~region, iterations=_COMPACT_CELLS)  # of a screw hole in a corner
+        yield convex if gap.any() and region.sum() >= _SOLID * convex.sum() else region
 
 
 def _levelled(images: Images, cut: Scene, prism: Prism, top: _Top) -> _Top:
@@ -280,7 +272,7 @@ def _against_walls(prism: Prism, island: Prism) -> Section | None:
     angle = 0.0 if prism.section is None else prism.section.angle
     axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     at = cells @ axes.T  # (N, 2) along the walls
-    low, high = np.array([_ends(at[:, axis], at[:, 1 - axis]) for axis in (0, 1)]).T
+    low, high = np.array([_ends(at[:, axis]) for axis in (0, 1)]).T
     touches = False
     for axis in (0, 1):
         for end, outward in ((low, -1), (high, 1)):
@@ -293,9 +285,9 @@ def _against_walls(prism: Prism, island: Prism) -> Section | None:
     return Section((float(middle[0]), float(middle[1])), angle, shape) if touches else None
 
 
-def _ends(along: Array, across: Array) -> tuple[float, float]:
-    """Where cells end to both sides along an axis: the medians of their rows, of which some are longer or shorter."""
-    rows = np.round(across).astype(int)
-    ends = [(along[rows == row].min(), along[rows == row].max()) for row in np.unique(rows)]
-    low, high = np.median(ends, axis=0)
-    return float(low) - 0.5, float(high) + 0.5
+def _ends(along: Array) -> tuple[float, float]:
+    """Where cells end to both sides along an axis: a fringe of few of them counts as none."""
+    _, inverse, sizes = np.unique(np.round(along), return_inverse=True, return_counts=True)
+    wide = sizes >= _FRINGE * np.quantile(sizes, _WIDE)
+    kept = along[wide[inverse]]
+    return float(kept.min()) - 0.5, float(kept.max()) + 0.5

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.sample import sample
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -41,6 +42,10 @@ class Volume:
         """Its surface, to cast rays at, with the concavities that are cut into it."""
         return Scene(*self.mesh(), rims)
 
+    def contains(self, points: Array) -> NDArray[np.bool_]:
+        """(N,) which of the points (N, 3) lie inside of it."""
+        return np.asarray(sample(self.field, (points - self.origin) / self.spacing, -self.spacing) > 0)
+
     def with_field(self, field: Field) -> "Volume":
         """Another solid on the same grid."""
         return replace(self, field=field)
@@ -49,6 +54,14 @@ class Volume:
         """What is left of it outside of a prism that is longer by `margin`; beyond a few voxels nothing changes."""
         reach = max(_MARGIN_VOXELS * self.spacing, 2 * prism.lattice.pitch)
         return self.carved(ends_of(prism, margin), reach, lambda points: prism.signed_distance(points, margin))
+
+    def filled(self, prism: Prism, margin: float, full: "Volume") -> "Volume":
+        """It with all that another one of the same grid has within a prism that is longer by `margin`."""
+        part, points = self._box(ends_of(prism, margin), 0.0)
+        field = self.field.copy()
+        within = -prism.signed_distance(points, margin).reshape(field[part].shape)
+        field[part] = np.maximum(field[part], np.minimum(full.field[part], within))
+        return self.with_field(field)
 
     def margin(self, prism: Prism) -> float:
         """By which a concavity in it is cut longer, unit frame."""

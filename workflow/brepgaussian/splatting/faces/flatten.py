@@ -190,10 +190,13 @@ def _told(
 
 
 def _carve(hull: Volume, faces: list[Face]) -> Volume:
-    """The hull without what stands above the faces."""
+    """The hull without what stands above the faces, but for what goes on higher: the other side of a groove."""
     for face in faces:
         height = face.bulge + _SLACK_CELLS * hull.spacing
-        hull = hull.without(Prism(face.lattice, face.outline, 0.0, False, 0.0), height)
+        above = face.lattice.centers()[face.outline] + height * face.lattice.normal
+        outline = face.outline.copy()
+        outline[face.outline] = ~hull.contains(above)
+        hull = hull.without(Prism(face.lattice, outline, 0.0, False, 0.0), height)
     return hull
 
 
