@@ -47,10 +47,12 @@ class Rays:
         met = np.flatnonzero(np.isfinite(distance))
         points = self.origin[met] + distance[met, None] * self.direction[met]
         kept = at(points)
-        chosen = met[kept]
-        return replace(
-            self, origin=self.origin[chosen], direction=self.direction[chosen], grey=self.grey[chosen], at=points[kept]
-        )
+        return replace(self.chosen(met[kept]), at=points[kept])
+
+    def chosen(self, index: NDArray[np.int64]) -> "Rays":
+        """Some of them."""
+        parts = self.origin[index], self.direction[index], self.grey[index], self.at[index]
+        return replace(self, origin=parts[0], direction=parts[1], grey=parts[2], at=parts[3])
 
     def costs(self, scene: Scene) -> Costs:
         """(N,) difference of each ray from its place on a surface, in tolerances, and (N,) whether it tells any."""

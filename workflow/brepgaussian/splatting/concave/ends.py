@@ -1,6 +1,9 @@
-"""Where a hole ends that rays tell no floor of: at a face behind it, if views refute that in the same place."""
+"""Where a hole ends that rays tell no floor of: at a face behind it, if views refute that in the same place.
 
-from dataclasses import replace
+The face may lean: a spout enters a pot's side, an oil hole the bore of a bush.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +20,7 @@ Array = NDArray[np.float64]
 _CORE_CELLS = 1  # from an outline's border, clear of its blur
 _RING_CELLS = (3, 6)  # beside an outline, of face around a far mouth
 _FLAT_CELLS = 2.0  # by which the far face may lie askew
+_LEAN_CELLS, _FITS = 12.0, 4  # from a leaning plane while it is sought, and how often
 _MOSTLY = 0.5  # of the cells around: the far face may be the top of a boss, of which the hole is not in the middle
 _PIERCED = 0.1  # of a hole's own cells, that silhouettes leave empty all the way
 _REFUTED = 0.25  # share of the views that show something else than a lid on the far mouth: twice what opens a lid
@@ -40,17 +44,41 @@ def lengthened(images: Images, scene: Scene, prism: Prism) -> Prism:
     if not straight or not core.any():
         return prism
     ring = ring_of(prism)
-    far, pierced = _behind(scene, prism, core, ring)
-    if far is None:
-        return prism
-    mouth, around, refuted = refuted_there(images, scene, prism, core, ring, far)
-    open_there = pierced or refuted
-    logger.info(
-        "hole of area %.4f without a floor: %.0f %% of the views refute the face %.4f behind it, %.0f %% beside it%s%s",
-        prism.area, 100 * mouth, far, 100 * around, ", silhouettes have pierced it" if pierced else "",
-        ": through" if open_there else "",
-    )  # fmt: skip
-    return replace(prism, depth=far, through=True, endless=False) if open_there else prism
+    for nearest in (False, True):
+        far, pierced = _behind(scene, prism, core, ring, nearest)
+        if far is None:
+            continue
+        mouth, around = (_refuted(images, scene, prism, cells, far) for cells in (core, ring))
+        refuted = _tells_a_mouth(mouth, around)
+        depth = far.deepest(prism)
+        logger.info(
+            "hole of area %.4f without a floor: %.0f %% of the views refute the face %.4f behind it, "
+            "%.0f %% beside it%s%s",
+            prism.area, 100 * mouth, depth, 100 * around, ", silhouettes have pierced it" if pierced else "",
+            ": through" if pierced or refuted else "",
+        )  # fmt: skip
+        if pierced or refuted:
+            return replace(prism, depth=depth, through=True, endless=False)
+    return prism
+
+
+@dataclass(frozen=True)
+class _Far:
+    """A plane behind a hole: its depth, unit frame, below row 0 and column 0, and more for each row and column."""
+
+    depth: float
+    slope: tuple[float, float] = (0.0, 0.0)
+
+    def at(self, prism: Prism, cells: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Depths (N,) below cells (R, C), and the plane's unit normal (3,), away from the hole."""
+        lattice = prism.lattice
+        across = np.array(self.slope)
+        normal = -lattice.normal - (across[0] * lattice.first + across[1] * lattice.second) / lattice.pitch
+        return self.depth + np.argwhere(cells) @ across, normal / np.linalg.norm(normal)
+
+    def deepest(self, prism: Prism) -> float:
+        """Under the hole."""
+        return float(self.at(prism, prism.outline)[0].max())
 
 
 def is_straight(prism: Prism) -> bool:
@@ -73,34 +101,56 @@ def refuted_there(
     images: Images, scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_], depth: float
 ) -> tuple[float, float, bool]:
     """Share of the views that refute a face at a depth of a hole, and beside it; whether that tells a mouth there."""
-    mouth, around = (_refuted(images, scene, prism, cells, depth) for cells in (core, ring))
-    return mouth, around, mouth >= _REFUTED and around <= _AROUND * mouth
+    mouth, around = (_refuted(images, scene, prism, cells, _Far(depth)) for cells in (core, ring))
+    return mouth, around, _tells_a_mouth(mouth, around)
 
 
-def _behind(scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_]) -> tuple[float | None, bool]:
-    """Depth of the flat face behind a hole, by a ring of cells (R, C) around it; None if there is none.
+def _tells_a_mouth(mouth: float, around: float) -> bool:
+    """Whether shares of views that refute a face at a hole's end, and beside it, tell that it opens there."""
+    return mouth >= _REFUTED and around <= _AROUND * mouth
 
-    And whether the hull is empty all along a part of its core (R, C): then it goes through.
+
+def _behind(
+    scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_], nearest: bool
+) -> tuple[_Far | None, bool]:
+    """The plane behind a hole, by a ring of cells (R, C) around it; None if there is none.
+
+    And whether the hull is empty all along a part of its core (R, C): then it goes through. The `nearest` plane may
+    lean; the farthest one is parallel to the mouth.
     """
-    beside, within = (_left(scene, prism, cells) for cells in (ring, core))
+    beside, within = (_left(scene, prism, cells, nearest) for cells in (ring, core))
     middle = float(np.median(beside)) if len(beside) else 0.0
-    if middle == 0 or (np.abs(beside - middle) <= _FLAT_CELLS).mean() < _MOSTLY:
+    if middle == 0:
         return None, False
-    return middle * prism.lattice.pitch, bool((within == 0).mean() >= _PIERCED)
+    pitch, places = prism.lattice.pitch, np.argwhere(ring)
+    design = np.column_stack([np.ones(len(places)), places]).astype(float)
+    plane = np.array([middle, 0.0, 0.0])
+    for _ in range(_FITS if nearest else 0):
+        on = (beside > 0) & (np.abs(beside - design @ plane) <= _LEAN_CELLS)
+        if np.count_nonzero(on) < len(plane):
+            return None, False
+        plane = np.linalg.lstsq(design[on], beside[on], rcond=None)[0]
+    if (np.abs(beside - design @ plane) <= _FLAT_CELLS).mean() < _MOSTLY:
+        return None, False
+    slope = (float(plane[1]) * pitch, float(plane[2]) * pitch)
+    return _Far(float(plane[0]) * pitch, slope), bool((within == 0).mean() >= _PIERCED)
 
 
-def _left(scene: Scene, prism: Prism, cells: NDArray[np.bool_]) -> Array:
+def _left(scene: Scene, prism: Prism, cells: NDArray[np.bool_], nearest: bool) -> Array:
     """(N,) depth, in cells, at which lines down from some cells (R, C) leave the hull; 0 = they do not meet it."""
     starts = prism.lattice.centers()[cells]
     crossings, _ = crossings_below(scene, starts, prism.lattice)
     beyond = np.isfinite(crossings) & (crossings > prism.depth / prism.lattice.pitch + _FLAT_CELLS)
+    if nearest:
+        first = np.where(beyond, crossings, np.inf).min(axis=1, initial=np.inf)
+        return np.asarray(np.where(np.isfinite(first), first, 0.0))
     return np.asarray(np.where(beyond, crossings, 0.0).max(axis=1, initial=0.0))
 
 
-def _refuted(images: Images, scene: Scene, prism: Prism, cells: NDArray[np.bool_], depth: float) -> float:
+def _refuted(images: Images, scene: Scene, prism: Prism, cells: NDArray[np.bool_], far: _Far) -> float:
     """Median share of the views that show something else than the others at cells (R, C) of the face behind a hole."""
-    normal = -prism.lattice.normal
-    places = prism.lattice.centers()[cells] + depth * normal
+    depths, normal = far.at(prism, cells)
+    places = prism.lattice.centers()[cells] - depths[:, None] * prism.lattice.normal
     on_face = np.isfinite(scene.near(places, _FLAT_CELLS * prism.lattice.pitch))
     places = places[on_face]
     if not len(places):

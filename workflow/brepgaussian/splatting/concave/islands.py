@@ -13,9 +13,9 @@ from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
 from brepgaussian.log import get_logger
-from brepgaussian.splatting.concave.agreement import mean_cost, rays_at_object
+from brepgaussian.splatting.concave.agreement import Rays, mean_cost, rays_at_object
 from brepgaussian.splatting.concave.draw import circle, fitted
-from brepgaussian.splatting.concave.openings import Images, across
+from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rims import CONTRAST, FAINT, Rim, rim_of
 from brepgaussian.splatting.concave.scene import Scene
@@ -25,22 +25,29 @@ from brepgaussian.splatting.concave.volume import Volume
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-_AGREED = 0.8  # share of a cell's views that agree on a top,
-_PEAK = 0.12  # and by how much less they do above and below,
-_BESIDE_PLANES = (4, 5, 6)  # planes off
-_LEAST_MEAN_PEAK = 0.2  # on average: true tops had .25-.45, what one grey makes of a floor mostly less
+_HIDING_CELLS = 2  # half the width of what hides the floor, at least
+_AGREED = (0.9, SURFACE_SHARE, 0.7)  # share of a cell's views that agree on a wide top
+_AT_PEAK = 0.8  # the same of a narrow one,
+_PEAK = 0.12  # by how much less they do above and below,
+_BESIDE_PLANES = (4, 5, 6)  # planes off,
+_LEAST_MEAN_PEAK = 0.2  # and on average: true tops had .25-.45, what one grey makes of a floor mostly less
 _BLUR_CELLS = 1.0
 _FAINTEST = 1e-3
 _SOLID = 0.6  # of what a top spans
 _LEAST_HEIGHT_CELLS = 4.0  # of a boss, and from its top to the rim: floors are told to a cell or two
-_LEAST_TOP_CELLS = 49  # of a top: as compact as they are
+_LEAST_CELLS, _LEAST_WIDE_CELLS = 49, 169  # of a narrow top, and of a wide one
 _STEP_CELLS = 0.75  # between the planes: farther than half of that from a top, views agree about it less
 _BORDER_CELLS = 5  # from a wall: a boss that ends there stands against it, for views disagree about what is next to it
 _BESIDE_CELLS = 4  # around a top, where its rim is sought
 _THIN_CELLS = 1  # half the width of what joins a top to a wall about which views agree as well
 _BROKEN_CELLS = 3  # half the width of a gap in a top around a hole, where few views see it
-_COMPACT_CELLS = 3  # half the width of a top, holes in it filled
-_RING_CELLS, _BAND_CELLS = 3, 2  # what is looked at around a top, and within its border
+_COMPACT_CELLS, _NARROW_CELLS = 4, 3  # half the width of a wide top and of a narrow one, holes in it filled
+_BLURRED_CELLS = 3  # along a pocket's walls views disagree about its floor
+_WIDER_CELLS = 12  # a top is wider than what hides the floor, where both have one grey
+_GAP_CELLS, _RING_CELLS, _BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
+_FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a half
+_RING_SHARE = 0.55  # of the ring is not what it seems to be: .6-.85 around true tops, mostly less than .5 elsewhere
+_HIDDEN_SHARE = 0.5  # of a wide top hides the floor
 _LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
 _IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
 _FRINGE, _WIDE = 0.5, 0.8  # of the cells side by side, and the quantile of their numbers that is a boss's width
@@ -50,7 +57,8 @@ _TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one 
 _CLEARLY = 0.6  # of it, or steps of less contrast are asked, too
 _SIZES = 1.03  # ratio of sections that are meant to be one
 _OVERLAP = 0.2  # of a top, that may be another one's
-_TURNS = 2  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
+_LOOKS = 3  # at those of one turn, without what turned out to be none
+_TURNS = 3  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
 _TRIED_CELLS = 2.0  # between the height of a top that views don't believe and that of one which is worth a try
 _GAIN = 0.75  # share of the views' disagreement that a boss leaves at most where it is: with a hole in it .4-.7,
 # false ones .85 and more
@@ -62,7 +70,7 @@ logger = get_logger("stage1")
 
 @dataclass(frozen=True)
 class _Top:
-    """Cells (R, C) of a plane at a `depth` below the rim; `contrast` of views' agreement there, above and below."""
+    """Cells (R, C) of a plane at a `depth` below the rim; `contrast` of agreement within their border and beyond."""
 
     outline: Cells
     depth: float
@@ -83,24 +91,44 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
     if not flat or prism.depth < 2 * _LEAST_HEIGHT_CELLS * pitch:
         return prism
     cut = hull.without(prism, margin).scene()
-    tops = sorted(_tops(images, cut, prism), key=lambda top: -top.contrast * np.sqrt(top.outline.sum()))
-    kept: list[Prism] = []
-    wrong: list[Prism] = []
-    for _ in range(_TURNS):
-        turn = [_island(prism, _levelled(images, cut, prism, top)) for top in _turn(prism, tops, kept, wrong)]
-        if not turn:
-            break
-        islands = [*kept, *turn]
-        kept = _believed(images, hull, prism, margin, cut, islands)
-        wrong += [island for island in islands if not any(island is one for one in kept)]
+    found: list[_Seen] = []
+    narrow, wide = _tops(images, cut, prism)
+    if not (narrow or wide):
+        return prism
+    rays = rays_at_object(images, _STRIDE_PX)
+    narrow.sort(key=lambda top: -top.contrast * top.outline.sum())  # a part of one is none
+    wide.sort(key=lambda top: -top.contrast)  # what is more than one is none
+    for tops in (narrow, wide):
+        found += _found(images, rays, hull, prism, margin, cut, tops)
+    best: list[Prism] = []
+    for one in sorted(found, key=lambda one: one.left):
+        if not any((one.island.outline & b.outline).sum() > _OVERLAP * one.island.outline.sum() for b in best):
+            best.append(one.island)
+    kept = [one.island for one in _believed(rays, hull, prism, margin, cut, best)]
     logger.info(
-        "pocket of area %.4f: %d bosses in it, of heights %s, %d others not believed",
-        prism.area, len(kept), [round(i.depth, 4) for i in kept], len(wrong),
-    )  # fmt: skip
+        "pocket of area %.4f: %d bosses in it, of heights %s", prism.area, len(kept), [round(i.depth, 4) for i in kept]
+    )
     if not kept:
         return prism
     standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
     return replace(prism, islands=tuple(_drawn(images, standing, prism, kept)))
+
+
+def _found(
+    images: Images, rays: Rays, hull: Volume, prism: Prism, margin: float, cut: Scene, tops: Sequence[_Top]
+) -> list["_Seen"]:
+    """The bosses with some of the tops, best first, that views believe."""
+    kept: list[_Seen] = []
+    wrong: list[Prism] = []
+    for _ in range(_TURNS):
+        known = [one.island for one in kept]
+        turn = [_island(prism, _levelled(images, cut, prism, top)) for top in _turn(prism, tops, known, wrong)]
+        if not turn:
+            break
+        islands = [*known, *turn]
+        kept = _believed(rays, hull, prism, margin, cut, islands)
+        wrong += [island for island in islands if not any(island is one.island for one in kept)]
+    return kept
 
 
 def _turn(prism: Prism, tops: Sequence[_Top], kept: Sequence[Prism], wrong: Sequence[Prism]) -> list[_Top]:
@@ -116,49 +144,112 @@ def _turn(prism: Prism, tops: Sequence[_Top], kept: Sequence[Prism], wrong: Sequ
     return chosen
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """A boss, the share that it leaves of the views' disagreement, and whether they believe it."""
+
+    island: Prism
+    left: float
+    believed: bool
+
+
 def _believed(
-    images: Images, hull: Volume, prism: Prism, margin: float, cut: Scene, islands: Sequence[Prism]
-) -> list[Prism]:
+    rays: Rays, hull: Volume, prism: Prism, margin: float, cut: Scene, islands: Sequence[Prism]
+) -> list[_Seen]:
     """The bosses that views believe, those of one height looked at again without what stood before them."""
 
-    def standing(some: Sequence[Prism]) -> Scene:
-        return hull.without(replace(prism, islands=tuple(some)), margin).scene()
+    def seen(some: Sequence[Prism]) -> list[_Seen]:
+        return _seen(rays, hull.without(replace(prism, islands=tuple(some)), margin).scene(), cut, some)
 
-    kept = _seen(images, standing(islands), cut, islands)
+    left, said = list(islands), []
+    for _ in range(_LOOKS if islands else 0):
+        said = seen(left)
+        possible = [one.island for one in said if one.left < 1]  # what is none stands before what is one
+        if len(possible) == len(left):
+            break
+        left = possible
+    kept = [one for one in said if one.believed]
     pitch = prism.lattice.pitch
-    level = [i for i in islands if any(abs(i.depth - k.depth) <= _LEVEL_CELLS * pitch for k in kept)]
-    return _seen(images, standing(level), cut, level) if len(level) > len(kept) else kept
+    level = [i for i in islands if any(abs(i.depth - k.island.depth) <= _LEVEL_CELLS * pitch for k in kept)]
+    return [one for one in seen(level) if one.believed] if len(level) > len(kept) else kept
 
 
-def _tops(images: Images, cut: Scene, prism: Prism) -> Iterator[_Top]:
-    """What may be the top of a boss, on all planes between floor and rim: views agree about it there only."""
+def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
+    """(R, C) cells of a pocket's floor that views show something else at, or do not show: bosses may stand there."""
+    lattice = prism.lowered(prism.depth)
+    inner = ndimage.binary_erosion(prism.outline, iterations=_BLURRED_CELLS)
+    hidden = inner & (across(images, cut, lattice, prism.outline).agreement < SURFACE_SHARE)
+    return np.asarray(ndimage.binary_opening(hidden, iterations=_HIDING_CELLS))
+
+
+def _tops(images: Images, cut: Scene, prism: Prism) -> tuple[list[_Top], list[_Top]]:
+    """What may be the narrow, and the wide tops of bosses, on all planes between floor and rim."""
     pitch = prism.lattice.pitch
     depths = np.arange(_LEAST_HEIGHT_CELLS * pitch, prism.depth - _LEAST_HEIGHT_CELLS * pitch, _STEP_CELLS * pitch)
     stacks = (across(images, cut, prism.lowered(float(depth)), prism.outline) for depth in depths)
     agreement = np.stack([stack.agreement for stack in stacks]).astype(np.float32)  # (D, R, C)
+    hidden = _hidden(images, cut, prism)
+    narrow: list[_Top] = []
+    wide: list[_Top] = []
     for k, depth in enumerate(depths):
         beside = [j for off in _BESIDE_PLANES for j in (k - off, k + off) if 0 <= j < len(depths)]
-        if not beside:
-            continue
-        peak = agreement[k] - agreement[beside].mean(axis=0)
-        for outline in _compact(agreement[k], peak, prism.outline):
-            contrast = float(peak[outline].mean())
-            if contrast >= _LEAST_MEAN_PEAK and outline.sum() >= _LEAST_TOP_CELLS:
-                yield _Top(outline, float(depth), contrast)
+        peaks = _peaks(agreement[k], agreement[k] - agreement[beside].mean(axis=0), prism.outline) if beside else ()
+        for found, outlines in ((narrow, peaks), (wide, _over_hidden(agreement[k], hidden, prism.outline))):
+            found += [top for o in outlines if (top := _top(agreement[k], prism.outline, o, float(depth))) is not None]
+    return narrow, wide
 
 
-def _compact(agreement: Array, peak: Array, within: Cells) -> Iterator[Cells]:
-    """Compact regions (R, C) of a pocket about which views agree (R, C), and less so above and below, without holes."""
+def _top(agreement: Array, within: Cells, outline: Cells, depth: float) -> _Top | None:
+    """A region (R, C) as a top, if about most of what is around it views agree (R, C) less."""
+    around = _ring(outline)
+    ring = around & within  # a boss may stand against a wall, or in a corner
+    if ring.sum() < _FREE_SHARE * around.sum() or (agreement[ring] < SURFACE_SHARE).mean() < _RING_SHARE:
+        return None
+    band = outline & ~ndimage.binary_erosion(outline, iterations=_BAND_CELLS)  # there may be a hole within
+    return _Top(outline, depth, float(agreement[band].mean() - agreement[ring].mean()))
+
+
+def _ring(outline: Cells) -> Cells:
+    """(R, C) what lies around an outline, clear of its blur."""
+    blurred = ndimage.binary_dilation(outline, iterations=_GAP_CELLS)
+    return np.asarray(ndimage.binary_dilation(blurred, iterations=_RING_CELLS) & ~blurred)
+
+
+def _over_hidden(agreement: Array, hidden: Cells, within: Cells) -> Iterator[Cells]:
+    """Regions about which views agree (R, C), over hidden floor: wide tops.
+
+    In the middle of a wide one views agree on planes above and below it, too.
+    """
+    clear = ndimage.binary_erosion(within, iterations=_BLURRED_CELLS)
+    near = within & ndimage.binary_dilation(hidden, iterations=_WIDER_CELLS)
+    for least in _AGREED:
+        agreed = ndimage.binary_opening((agreement >= least) & near, iterations=_THIN_CELLS)
+        for broken in (0, _BROKEN_CELLS):
+            whole = ndimage.binary_closing(agreed, iterations=broken) if broken else agreed
+            for outline in _compact(whole, _COMPACT_CELLS):
+                if outline.sum() < _LEAST_WIDE_CELLS:
+                    continue
+                if clear[outline].any() and hidden[outline & clear].mean() >= _HIDDEN_SHARE:
+                    yield outline
+
+
+def _peaks(agreement: Array, peak: Array, within: Cells) -> Iterator[Cells]:
+    """Regions (R, C) of a pocket about which views agree, and by a `peak` less so above and below: narrow tops."""
     weight = np.maximum(ndimage.gaussian_filter(within.astype(float), _BLUR_CELLS), _FAINTEST)
     smooth, clear = (ndimage.gaussian_filter(np.where(within, a, 0.0), _BLUR_CELLS) / weight for a in (agreement, peak))
-    agreed = ndimage.binary_opening(within & (smooth >= _AGREED) & (clear >= _PEAK), iterations=_THIN_CELLS)
-    whole = ndimage.binary_fill_holes(ndimage.binary_closing(agreed, iterations=_BROKEN_CELLS))
-    labels, count = ndimage.label(ndimage.binary_opening(whole, iterations=_COMPACT_CELLS))
-    for k in range(1, count + 1):
-        region = labels == k
+    agreed = ndimage.binary_opening(within & (smooth >= _AT_PEAK) & (clear >= _PEAK), iterations=_THIN_CELLS)
+    for region in _compact(ndimage.binary_closing(agreed, iterations=_BROKEN_CELLS), _NARROW_CELLS):
         convex = convex_hull_image(region) & within
-        gap = ndimage.binary_opening(convex & ~region, iterations=_COMPACT_CELLS)  # of a screw hole in a corner
-        yield convex if gap.any() and region.sum() >= _SOLID * convex.sum() else region
+        gap = ndimage.binary_opening(convex & ~region, iterations=_NARROW_CELLS)  # of a screw hole in a corner
+        outline = convex if gap.any() and region.sum() >= _SOLID * convex.sum() else region
+        if peak[outline].mean() >= _LEAST_MEAN_PEAK and outline.sum() >= _LEAST_CELLS:
+            yield outline
+
+
+def _compact(cells: Cells, half_width: int) -> Iterator[Cells]:
+    """Its regions (R, C), holes in them filled, without what is narrower than twice `half_width`."""
+    labels, count = ndimage.label(ndimage.binary_opening(ndimage.binary_fill_holes(cells), iterations=half_width))
+    yield from (labels == k for k in range(1, count + 1))
 
 
 def _levelled(images: Images, cut: Scene, prism: Prism, top: _Top) -> _Top:
@@ -172,11 +263,12 @@ def _island(prism: Prism, top: _Top) -> Prism:
     return Prism(prism.lowered(top.depth), top.outline, prism.depth - top.depth, False, 0.0)
 
 
-def _seen(images: Images, standing: Scene, cut: Scene, islands: Sequence[Prism]) -> list[Prism]:
-    """The bosses on which views agree about the rays that meet them, better than on what is behind."""
-    rays, kept = rays_at_object(images, _STRIDE_PX), []
+def _seen(rays: Rays, standing: Scene, cut: Scene, islands: Sequence[Prism]) -> list[_Seen]:
+    """Whether views agree about the rays that meet bosses better than on what is behind."""
+    rays = rays.hitting(standing, lambda points: np.ones(len(points), bool))
+    result = []
     for island in islands:
-        mine = rays.hitting(standing, lambda points, island=island: _on(island, points))  # type: ignore[misc]
+        mine = rays.chosen(np.flatnonzero(_on(island, rays.at)))
         there, behind = mine.costs(standing), mine.costs(cut)
         new, old, told = mean_cost(there), mean_cost(behind), int(np.count_nonzero(there[1] & behind[1]))
         believed = told >= _LEAST_RAYS and old >= _LEAST_OFF and new <= _GAIN * old
@@ -184,9 +276,8 @@ def _seen(images: Images, standing: Scene, cut: Scene, islands: Sequence[Prism])
             "boss of area %.4f, %.4f high: views disagree by %.2f for %.2f, %d rays%s",
             island.area, island.depth, new, old, told, "" if believed else ": not believed",
         )  # fmt: skip
-        if believed:
-            kept.append(island)
-    return kept
+        result.append(_Seen(island, new / old if old else np.inf, believed))
+    return result
 
 
 def _on(island: Prism, points: Array) -> NDArray[np.bool_]:

@@ -12,6 +12,8 @@ from brepgaussian.splatting.concave.sections import Section
 Array = NDArray[np.float64]
 
 _SMOOTH_CELLS = 1.5  # an outline of cells is a staircase, a wall is not
+_ISLAND_CELLS = 8.0  # around an island within which a field follows it
+_REACH_PLACES = 32  # of a section's border
 
 
 def plane_axes(normal: Array) -> tuple[Array, Array]:
@@ -174,9 +176,21 @@ class Prism:
         if self.domed:
             walls = np.maximum(walls, self._cap(cells, height))
         for island in self.islands:
-            around, over = island.lattice.coordinates(points)
-            walls = np.maximum(walls, -np.maximum(island.lateral(around), over))
+            near = np.flatnonzero(walls < _ISLAND_CELLS * self.lattice.pitch)
+            around, over = island.lattice.coordinates(points[near])
+            low, high = island.reach
+            beside = np.all((around > low - _ISLAND_CELLS) & (around < high + _ISLAND_CELLS), axis=1)
+            near, around, over = near[beside], around[beside], over[beside]
+            walls[near] = np.maximum(walls[near], -np.maximum(island.lateral(around), over))
         return walls
+
+    @cached_property
+    def reach(self) -> tuple[Array, Array]:
+        """(2,) least and largest row and column of it."""
+        cells = np.argwhere(self.outline).astype(float)
+        if self.section is not None:
+            cells = np.concatenate([cells, self.section.border(_REACH_PLACES)])
+        return cells.min(axis=0), cells.max(axis=0)
 
     def lowered(self, depth: float) -> Lattice:
         """Its lattice, so much deeper in it."""
