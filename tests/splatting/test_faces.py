@@ -350,3 +350,30 @@ def test_a_face_keeps_no_spot_of_its_own_under_what_stands_beside_it(monkeypatch
     face = Face(lattice, (middle > 0.14) | spot, 0.001, 0.2)
     left = flatten._without_spots(None, face, hull, hull.scene()).outline
     np.testing.assert_array_equal(left, (middle > 0.14) | (spot if kept or high < 0.02 else False))
+
+
+def test_the_other_side_of_a_groove_stands_when_a_face_is_cleared():
+    """A shaft beyond a relief groove lies over the flange's face, and is no bulge of it."""
+    spacing, grid = 0.01, np.stack(np.meshgrid(*[np.linspace(0, 1, 101)] * 3, indexing="ij"), axis=-1)
+    away, height = np.hypot(grid[..., 0] - 0.5, grid[..., 1] - 0.5), grid[..., 2]
+
+    def cylinder(radius: float, low: float, high: float):
+        return np.minimum(radius - away, np.minimum(height - low, high - height))
+
+    bulge = cylinder(0.3, 0.3, 0.34)  # what a hull has beside the groove
+    field = np.max([cylinder(0.4, 0.1, 0.3), cylinder(0.15, 0.3, 0.36), cylinder(0.2, 0.36, 0.9), bulge], axis=0)
+    hull = Volume(field.astype(np.float32), np.zeros(3), spacing)
+    lattice = Lattice(np.array([0.0, 0.0, 0.3]), *np.eye(3), spacing, (100, 100))
+    middles = lattice.centers()
+    radius = np.hypot(middles[..., 0] - 0.5, middles[..., 1] - 0.5)
+    face = Face(lattice, (radius > 0.16) & (radius < 0.39), 0.0, 0.06)
+    cut = flatten._carve(hull, [face])
+    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+
+    def at(radius: float, height: float):
+        return np.column_stack([0.5 + radius * around, np.full(len(around), height)])
+
+    assert hull.contains(at(0.25, 0.32)).all()
+    assert not cut.contains(at(0.25, 0.32)).any()
+    assert cut.contains(at(0.18, 0.38)).all()

@@ -15,7 +15,7 @@ from brepgaussian.splatting.concave.sections import PIECES, Rounded, Section
 from brepgaussian.splatting.concave.walls import Walls
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
-from build123d import Align, Box, Pos
+from build123d import Align, Box, Cylinder, Pos, Rot
 from rendered import rendered
 
 PITCH = 0.01
@@ -97,6 +97,33 @@ def test_bosses_in_the_corners_of_a_pocket_stand_where_they_are(tmp_path):
     assert (scene.signed_distance(posts) < 0).all()
     assert (scene.signed_distance(above) > 0).all()
     assert (scene.signed_distance(beside) > 0).all()
+
+
+def test_a_rib_and_posts_that_channels_and_corners_would_cut_away_stand(tmp_path):
+    """Round holes face each other in the walls beside them, and screw holes go through the posts near their corners."""
+    low = (Align.CENTER, Align.CENTER, Align.MIN)
+    case = Box(76, 54, 28, align=low) - Pos(0, 0, 4) * Box(69, 47, 28, align=low)
+    case += Pos(4, 0, 4) * Box(5, 47, 13, align=low)
+    for side in (-1, 1):
+        case -= Pos(36 * side, 0, 17) * Rot(0, 90, 0) * Cylinder(7, 8)
+    posts = [(29.5 * x, 18.5 * y) for x in (-1, 1) for y in (-1, 1)]
+    for x, y in posts:
+        case += Pos(x, y, 4) * Box(10, 10, 18, align=low)
+    for x, y in posts:
+        case -= Pos(x * 0.98, y * 0.98, 0) * Cylinder(2.3, 90)
+    views, truth = rendered(tmp_path, case, 50, 600)
+    regions = truth.face_ids.astype(np.int64) + 1
+    hull, _ = carve(views, 160, concavities=True, patches=regions, relief=True)
+    solid, found = Scene(truth.mesh_vertices, truth.mesh_triangles), Scene(hull.vertices, hull.triangles)
+    low_corner = truth.mesh_vertices.min(axis=0)
+    points = np.random.default_rng(0).uniform(low_corner, truth.mesh_vertices.max(axis=0), (100_000, 3))
+    real, near = solid.signed_distance(points), found.signed_distance(points)
+    inside = np.all(
+        (points > low_corner + 6 / 76) & (points < truth.mesh_vertices.max(axis=0) - [5 / 76, 5 / 76, 0]), axis=1
+    )
+    clear = inside & (np.abs(real) > 1.5 / 160)
+    assert (clear & (real < 0) & (near > 0)).sum() < 0.03 * (clear & (real < 0)).sum()
+    assert (clear & (real > 0) & (near < 0)).sum() < 0.01 * (clear & (real > 0)).sum()
 
 
 def test_long_narrow_holes_through_bosses_are_open_all_the_way(tmp_path):

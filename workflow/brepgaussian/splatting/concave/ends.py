@@ -25,6 +25,7 @@ _MOSTLY = 0.5  # of the cells around: the far face may be the top of a boss, of 
 _PIERCED = 0.1  # of a hole's own cells, that silhouettes leave empty all the way
 _REFUTED = 0.25  # share of the views that show something else than a lid on the far mouth: twice what opens a lid
 _AROUND = 0.5  # of that share, at most, beside the mouth: there is a face
+_CLEAN = 0.1  # the same where half as many views do
 
 logger = get_logger("stage1")
 
@@ -107,7 +108,8 @@ def refuted_there(
 
 def _tells_a_mouth(mouth: float, around: float) -> bool:
     """Whether shares of views that refute a face at a hole's end, and beside it, tell that it opens there."""
-    return mouth >= _REFUTED and around <= _AROUND * mouth
+    clean = mouth >= _REFUTED / 2 and around <= _CLEAN * mouth
+    return clean or (mouth >= _REFUTED and around <= _AROUND * mouth)
 
 
 def _behind(

@@ -10,44 +10,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from skimage.morphology import convex_hull_image
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import Rays, mean_cost, rays_at_object
 from brepgaussian.splatting.concave.draw import circle, fitted
-from brepgaussian.splatting.concave.openings import SURFACE_SHARE, Images, across
+from brepgaussian.splatting.concave.openings import Images, across
 from brepgaussian.splatting.concave.prism import Prism, signed_outline
 from brepgaussian.splatting.concave.rims import CONTRAST, FAINT, Rim, rim_of
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import Rounded, Section
+from brepgaussian.splatting.concave.tops import BAND_CELLS, COMPACT_CELLS, LEAST_HEIGHT_CELLS, RING_CELLS, Top, tops
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-_HIDING_CELLS = 2  # half the width of what hides the floor, at least
-_AGREED = (0.9, SURFACE_SHARE, 0.7)  # share of a cell's views that agree on a wide top
-_AT_PEAK = 0.8  # the same of a narrow one,
-_PEAK = 0.12  # by how much less they do above and below,
-_BESIDE_PLANES = (4, 5, 6)  # planes off,
-_LEAST_MEAN_PEAK = 0.2  # and on average: true tops had .25-.45, what one grey makes of a floor mostly less
-_BLUR_CELLS = 1.0
-_FAINTEST = 1e-3
-_SOLID = 0.6  # of what a top spans
-_LEAST_HEIGHT_CELLS = 4.0  # of a boss, and from its top to the rim: floors are told to a cell or two
-_LEAST_CELLS, _LEAST_WIDE_CELLS = 49, 169  # of a narrow top, and of a wide one
-_STEP_CELLS = 0.75  # between the planes: farther than half of that from a top, views agree about it less
+_UPRIGHT_CELLS = 2.0  # by which walls lean at their foot at most: what stands on a floor may look like that
 _BORDER_CELLS = 5  # from a wall: a boss that ends there stands against it, for views disagree about what is next to it
 _BESIDE_CELLS = 4  # around a top, where its rim is sought
-_THIN_CELLS = 1  # half the width of what joins a top to a wall about which views agree as well
-_BROKEN_CELLS = 3  # half the width of a gap in a top around a hole, where few views see it
-_COMPACT_CELLS, _NARROW_CELLS = 4, 3  # half the width of a wide top and of a narrow one, holes in it filled
-_BLURRED_CELLS = 3  # along a pocket's walls views disagree about its floor
-_WIDER_CELLS = 12  # a top is wider than what hides the floor, where both have one grey
-_GAP_CELLS, _RING_CELLS, _BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
-_FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a half
-_RING_SHARE = 0.55  # of the ring is not what it seems to be: .6-.85 around true tops, mostly less than .5 elsewhere
-_HIDDEN_SHARE = 0.5  # of a wide top hides the floor
 _LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
 _IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
 _FRINGE, _WIDE = 0.5, 0.8  # of the cells side by side, and the quantile of their numbers that is a boss's width
@@ -56,6 +36,8 @@ _FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's heigh
 _TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
 _CLEARLY = 0.6  # of it, or steps of less contrast are asked, too
 _SIZES = 1.03  # ratio of sections that are meant to be one
+_LARGER = 0.25  # power of its area by which a boss may leave more of the views' disagreement than a part of it
+_SAME = 0.7  # of two outlines of one section is common to both
 _OVERLAP = 0.2  # of a top, that may be another one's
 _LOOKS = 3  # at those of one turn, without what turned out to be none
 _TURNS = 3  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
@@ -68,15 +50,6 @@ _LEAST_RAYS = 20  # that tell something, for them to judge
 logger = get_logger("stage1")
 
 
-@dataclass(frozen=True)
-class _Top:
-    """Cells (R, C) of a plane at a `depth` below the rim; `contrast` of agreement within their border and beyond."""
-
-    outline: Cells
-    depth: float
-    contrast: float
-
-
 def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> Prism:
     """A pocket with the bosses that stand in it, if there are any.
 
@@ -86,22 +59,24 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
         prism: the pocket, straight, with a flat floor; anything else stays as it is.
         margin: by which it is cut longer.
     """
-    pitch = prism.lattice.pitch
-    flat = not (prism.through or prism.endless or prism.domed or prism.draft or any(prism.tilt))
-    if not flat or prism.depth < 2 * _LEAST_HEIGHT_CELLS * pitch:
+    pitch, found_as = prism.lattice.pitch, prism
+    upright = prism.draft * prism.depth <= _UPRIGHT_CELLS * pitch and np.isinf(prism.sink)
+    flat = not (prism.through or prism.endless or prism.domed or any(prism.tilt))
+    if not (flat and upright) or prism.depth < 2 * LEAST_HEIGHT_CELLS * pitch:
         return prism
+    prism = replace(prism, draft=0.0)
     cut = hull.without(prism, margin).scene()
     found: list[_Seen] = []
-    narrow, wide = _tops(images, cut, prism)
+    narrow, wide = tops(images, cut, prism)
     if not (narrow or wide):
-        return prism
+        return found_as
     rays = rays_at_object(images, _STRIDE_PX)
     narrow.sort(key=lambda top: -top.contrast * top.outline.sum())  # a part of one is none
     wide.sort(key=lambda top: -top.contrast)  # what is more than one is none
-    for tops in (narrow, wide):
-        found += _found(images, rays, hull, prism, margin, cut, tops)
+    for some in (narrow, wide):
+        found += _found(images, rays, hull, prism, margin, cut, some)
     best: list[Prism] = []
-    for one in sorted(found, key=lambda one: one.left):
+    for one in sorted(found, key=lambda one: one.left / one.island.area**_LARGER):  # a part of one may fit as well
         if not any((one.island.outline & b.outline).sum() > _OVERLAP * one.island.outline.sum() for b in best):
             best.append(one.island)
     kept = [one.island for one in _believed(rays, hull, prism, margin, cut, best)]
@@ -109,20 +84,20 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
         "pocket of area %.4f: %d bosses in it, of heights %s", prism.area, len(kept), [round(i.depth, 4) for i in kept]
     )
     if not kept:
-        return prism
+        return found_as
     standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
     return replace(prism, islands=tuple(_drawn(images, standing, prism, kept)))
 
 
 def _found(
-    images: Images, rays: Rays, hull: Volume, prism: Prism, margin: float, cut: Scene, tops: Sequence[_Top]
+    images: Images, rays: Rays, hull: Volume, prism: Prism, margin: float, cut: Scene, candidates: Sequence[Top]
 ) -> list["_Seen"]:
     """The bosses with some of the tops, best first, that views believe."""
     kept: list[_Seen] = []
     wrong: list[Prism] = []
     for _ in range(_TURNS):
         known = [one.island for one in kept]
-        turn = [_island(prism, _levelled(images, cut, prism, top)) for top in _turn(prism, tops, known, wrong)]
+        turn = [_island(prism, _levelled(images, cut, prism, top)) for top in _turn(prism, candidates, known, wrong)]
         if not turn:
             break
         islands = [*known, *turn]
@@ -131,11 +106,11 @@ def _found(
     return kept
 
 
-def _turn(prism: Prism, tops: Sequence[_Top], kept: Sequence[Prism], wrong: Sequence[Prism]) -> list[_Top]:
+def _turn(prism: Prism, candidates: Sequence[Top], kept: Sequence[Prism], wrong: Sequence[Prism]) -> list[Top]:
     """Tops, best first, that overlap with none of them, with no boss that is known, and are not tried yet."""
-    chosen: list[_Top] = []
+    chosen: list[Top] = []
     taken = np.any([np.zeros_like(prism.outline), *(island.outline for island in kept)], axis=0)
-    for top in tops:
+    for top in candidates:
         height, most = prism.depth - top.depth, _OVERLAP * top.outline.sum()
         alike = [i for i in wrong if abs(i.depth - height) <= _TRIED_CELLS * prism.lattice.pitch]
         if (top.outline & taken).sum() <= most and all((top.outline & i.outline).sum() <= most for i in alike):
@@ -174,92 +149,14 @@ def _believed(
     return [one for one in seen(level) if one.believed] if len(level) > len(kept) else kept
 
 
-def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
-    """(R, C) cells of a pocket's floor that views show something else at, or do not show: bosses may stand there."""
-    lattice = prism.lowered(prism.depth)
-    inner = ndimage.binary_erosion(prism.outline, iterations=_BLURRED_CELLS)
-    hidden = inner & (across(images, cut, lattice, prism.outline).agreement < SURFACE_SHARE)
-    return np.asarray(ndimage.binary_opening(hidden, iterations=_HIDING_CELLS))
-
-
-def _tops(images: Images, cut: Scene, prism: Prism) -> tuple[list[_Top], list[_Top]]:
-    """What may be the narrow, and the wide tops of bosses, on all planes between floor and rim."""
-    pitch = prism.lattice.pitch
-    depths = np.arange(_LEAST_HEIGHT_CELLS * pitch, prism.depth - _LEAST_HEIGHT_CELLS * pitch, _STEP_CELLS * pitch)
-    stacks = (across(images, cut, prism.lowered(float(depth)), prism.outline) for depth in depths)
-    agreement = np.stack([stack.agreement for stack in stacks]).astype(np.float32)  # (D, R, C)
-    hidden = _hidden(images, cut, prism)
-    narrow: list[_Top] = []
-    wide: list[_Top] = []
-    for k, depth in enumerate(depths):
-        beside = [j for off in _BESIDE_PLANES for j in (k - off, k + off) if 0 <= j < len(depths)]
-        peaks = _peaks(agreement[k], agreement[k] - agreement[beside].mean(axis=0), prism.outline) if beside else ()
-        for found, outlines in ((narrow, peaks), (wide, _over_hidden(agreement[k], hidden, prism.outline))):
-            found += [top for o in outlines if (top := _top(agreement[k], prism.outline, o, float(depth))) is not None]
-    return narrow, wide
-
-
-def _top(agreement: Array, within: Cells, outline: Cells, depth: float) -> _Top | None:
-    """A region (R, C) as a top, if about most of what is around it views agree (R, C) less."""
-    around = _ring(outline)
-    ring = around & within  # a boss may stand against a wall, or in a corner
-    if ring.sum() < _FREE_SHARE * around.sum() or (agreement[ring] < SURFACE_SHARE).mean() < _RING_SHARE:
-        return None
-    band = outline & ~ndimage.binary_erosion(outline, iterations=_BAND_CELLS)  # there may be a hole within
-    return _Top(outline, depth, float(agreement[band].mean() - agreement[ring].mean()))
-
-
-def _ring(outline: Cells) -> Cells:
-    """(R, C) what lies around an outline, clear of its blur."""
-    blurred = ndimage.binary_dilation(outline, iterations=_GAP_CELLS)
-    return np.asarray(ndimage.binary_dilation(blurred, iterations=_RING_CELLS) & ~blurred)
-
-
-def _over_hidden(agreement: Array, hidden: Cells, within: Cells) -> Iterator[Cells]:
-    """Regions about which views agree (R, C), over hidden floor: wide tops.
-
-    In the middle of a wide one views agree on planes above and below it, too.
-    """
-    clear = ndimage.binary_erosion(within, iterations=_BLURRED_CELLS)
-    near = within & ndimage.binary_dilation(hidden, iterations=_WIDER_CELLS)
-    for least in _AGREED:
-        agreed = ndimage.binary_opening((agreement >= least) & near, iterations=_THIN_CELLS)
-        for broken in (0, _BROKEN_CELLS):
-            whole = ndimage.binary_closing(agreed, iterations=broken) if broken else agreed
-            for outline in _compact(whole, _COMPACT_CELLS):
-                if outline.sum() < _LEAST_WIDE_CELLS:
-                    continue
-                if clear[outline].any() and hidden[outline & clear].mean() >= _HIDDEN_SHARE:
-                    yield outline
-
-
-def _peaks(agreement: Array, peak: Array, within: Cells) -> Iterator[Cells]:
-    """Regions (R, C) of a pocket about which views agree, and by a `peak` less so above and below: narrow tops."""
-    weight = np.maximum(ndimage.gaussian_filter(within.astype(float), _BLUR_CELLS), _FAINTEST)
-    smooth, clear = (ndimage.gaussian_filter(np.where(within, a, 0.0), _BLUR_CELLS) / weight for a in (agreement, peak))
-    agreed = ndimage.binary_opening(within & (smooth >= _AT_PEAK) & (clear >= _PEAK), iterations=_THIN_CELLS)
-    for region in _compact(ndimage.binary_closing(agreed, iterations=_BROKEN_CELLS), _NARROW_CELLS):
-        convex = convex_hull_image(region) & within
-        gap = ndimage.binary_opening(convex & ~region, iterations=_NARROW_CELLS)  # of a screw hole in a corner
-        outline = convex if gap.any() and region.sum() >= _SOLID * convex.sum() else region
-        if peak[outline].mean() >= _LEAST_MEAN_PEAK and outline.sum() >= _LEAST_CELLS:
-            yield outline
-
-
-def _compact(cells: Cells, half_width: int) -> Iterator[Cells]:
-    """Its regions (R, C), holes in them filled, without what is narrower than twice `half_width`."""
-    labels, count = ndimage.label(ndimage.binary_opening(ndimage.binary_fill_holes(cells), iterations=half_width))
-    yield from (labels == k for k in range(1, count + 1))
-
-
-def _levelled(images: Images, cut: Scene, prism: Prism, top: _Top) -> _Top:
+def _levelled(images: Images, cut: Scene, prism: Prism, top: Top) -> Top:
     """The same top at the height, to a part of a cell, at which views agree about most of it."""
     depths = top.depth + np.array(_FINE_CELLS) * prism.lattice.pitch
     agreed = [across(images, cut, prism.lowered(float(d)), top.outline).agreement[top.outline].mean() for d in depths]
     return replace(top, depth=float(depths[int(np.argmax(agreed))]))
 
 
-def _island(prism: Prism, top: _Top) -> Prism:
+def _island(prism: Prism, top: Top) -> Prism:
     return Prism(prism.lowered(top.depth), top.outline, prism.depth - top.depth, False, 0.0)
 
 
@@ -304,6 +201,10 @@ def _drawn(images: Images, standing: Scene, prism: Prism, islands: Sequence[Pris
         heights = [other.depth + t.height * pitch for t, other in told]
         level = [h for h in heights if abs(h - own) <= _LEVEL_CELLS * pitch]
         depth = float(np.median(level)) if level else own
+        if section is None:
+            section = _like(
+                island, [t.section for t, h in zip((t for t, _ in told), heights, strict=True) if h in level]
+            )
         logger.info("boss of area %.4f: %s, %.4f high", island.area, section and section.shape, depth)
         result.append(replace(island, lattice=island.lowered(island.depth - depth), depth=depth, section=section))
     return result
@@ -311,7 +212,7 @@ def _drawn(images: Images, standing: Scene, prism: Prism, islands: Sequence[Pris
 
 def _rim(images: Images, standing: Scene, prism: Prism, island: Prism) -> Rim | None:
     """The rim of a boss's top that is told best."""
-    around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + _RING_CELLS)
+    around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + RING_CELLS)
     stack = across(images, standing, island.lattice, around)
     centers = images.views.cameras.centers
     walled = _against_walls(prism, island)
@@ -330,6 +231,18 @@ def _rim(images: Images, standing: Scene, prism: Prism, island: Prism) -> Rim | 
     return max((r for r in (clear, told(FAINT)) if r is not None), key=lambda r: r.told, default=None)
 
 
+def _like(island: Prism, others: Sequence[Section]) -> Section | None:
+    """The section of another boss of its height where it stands, if its outline is about that."""
+    places = np.moveaxis(np.indices(island.outline.shape), 0, -1).astype(float)
+    row, column = np.argwhere(island.outline).mean(axis=0)
+    for other in others:
+        section = replace(other, center=(float(row), float(column)), at_rim=False)
+        inside = section.signed_distance(places) < 0
+        if (inside & island.outline).sum() >= _SAME * (inside | island.outline).sum():
+            return section
+    return None
+
+
 def _alike(one: Section, other: Section) -> bool:
     """Whether two sections are of one form and size."""
     if type(one.shape) is not type(other.shape):
@@ -342,7 +255,7 @@ def _rough(island: Prism) -> Iterator[Section]:
     """What a boss's outline may be a drawing of: also a circle, though views see less on one side of it."""
 
     def opened(cells: Cells) -> Cells:
-        return np.asarray(ndimage.binary_opening(cells, iterations=_COMPACT_CELLS))
+        return np.asarray(ndimage.binary_opening(cells, iterations=COMPACT_CELLS))
 
     section = fitted(island.outline, opened)
     if section is not None:
@@ -367,7 +280,7 @@ def _against_walls(prism: Prism, island: Prism) -> Section | None:
     touches = False
     for axis in (0, 1):
         for end, outward in ((low, -1), (high, 1)):
-            beside = cells[np.abs(at[:, axis] - end[axis]) < _BAND_CELLS]
+            beside = cells[np.abs(at[:, axis] - end[axis]) < BAND_CELLS]
             if np.median(away[tuple(beside.T)]) < _BORDER_CELLS:
                 end[axis] += _IN_WALL_CELLS * outward
                 touches = True
