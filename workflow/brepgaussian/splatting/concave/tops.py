@@ -38,7 +38,8 @@ _BLURRED_CELLS = 3  # along a pocket's walls views disagree about its floor
 _WIDER_CELLS = 12  # a top is wider than what hides the floor, where both have one grey
 _GAP_CELLS, RING_CELLS, BAND_CELLS = 1, 3, 2  # blur beside a top, what is looked at around it, and within
 _FREE_SHARE = 0.25  # of the ring is no wall of the pocket: in a corner it is a half
-_RING_SHARE = 0.55  # of the ring is not what it seems to be: .6-.85 around true tops, mostly less than .5 elsewhere
+_RING_SHARE, _WIDE_RING_SHARE = 0.55, 0.7  # of the ring around narrow and wide tops is not what it seems to be: around
+# true ones .6-.85, mostly less than .5 elsewhere; on a plane too low the ring of a wide one is on its walls
 _HIDDEN_SHARE = 0.5  # of a wide top hides the floor
 
 
@@ -63,8 +64,10 @@ def tops(images: Images, cut: Scene, prism: Prism) -> tuple[list[Top], list[Top]
     for k, depth in enumerate(depths):
         beside = [j for off in _BESIDE_PLANES for j in (k - off, k + off) if 0 <= j < len(depths)]
         peaks = _peaks(agreement[k], agreement[k] - agreement[beside].mean(axis=0), prism.outline) if beside else ()
-        for found, outlines in ((narrow, peaks), (wide, _over_hidden(agreement[k], hidden, prism.outline))):
-            found += [top for o in outlines if (top := _top(agreement[k], prism.outline, o, float(depth))) is not None]
+        over_hidden = _over_hidden(agreement[k], hidden, prism.outline)
+        for found, outlines, least in ((narrow, peaks, _RING_SHARE), (wide, over_hidden, _WIDE_RING_SHARE)):
+            candidates = (_top(agreement[k], prism.outline, o, float(depth), least) for o in outlines)
+            found += [top for top in candidates if top is not None]
     return narrow, wide
 
 
@@ -76,11 +79,11 @@ def _hidden(images: Images, cut: Scene, prism: Prism) -> Cells:
     return np.asarray(ndimage.binary_opening(hidden, iterations=_HIDING_CELLS))
 
 
-def _top(agreement: Array, within: Cells, outline: Cells, depth: float) -> Top | None:
-    """A region (R, C) as a top, if about most of what is around it views agree (R, C) less."""
+def _top(agreement: Array, within: Cells, outline: Cells, depth: float, least: float) -> Top | None:
+    """A region (R, C) as a top, if about at least that share of what is around it views agree (R, C) less."""
     around = _ring(outline)
     ring = around & within  # a boss may stand against a wall, or in a corner
-    if ring.sum() < _FREE_SHARE * around.sum() or (agreement[ring] < SURFACE_SHARE).mean() < _RING_SHARE:
+    if ring.sum() < _FREE_SHARE * around.sum() or (agreement[ring] < SURFACE_SHARE).mean() < least:
         return None
     band = outline & ~ndimage.binary_erosion(outline, iterations=BAND_CELLS)  # there may be a hole within
     return Top(outline, depth, float(agreement[band].mean() - agreement[ring].mean()))
