@@ -374,6 +374,6 @@ def test_the_other_side_of_a_groove_stands_when_a_face_is_cleared():
     def at(radius: float, height: float):
         return np.column_stack([0.5 + radius * around, np.full(len(around), height)])
 
-    assert hull.contains(at(0.25, 0.32)).all()
-    assert not cut.contains(at(0.25, 0.32)).any()
-    assert cut.contains(at(0.18, 0.38)).all()
+    assert hull.inside(at(0.25, 0.32)).all()
+    assert not cut.inside(at(0.25, 0.32)).any()
+    assert cut.inside(at(0.18, 0.38)).all()

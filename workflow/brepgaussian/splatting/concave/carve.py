@@ -9,7 +9,7 @@ from brepgaussian.splatting.concave.drilled import MOST_AGAINST, is_narrow
 from brepgaussian.splatting.concave.ends import lengthened
 from brepgaussian.splatting.concave.even import evened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
-from brepgaussian.splatting.concave.islands import with_islands
+from brepgaussian.splatting.concave.islands import has_room, with_islands
 from brepgaussian.splatting.concave.join import joined, square_ends, told_once
 from brepgaussian.splatting.concave.onward import onward
 from brepgaussian.splatting.concave.openings import Images
@@ -132,6 +132,8 @@ def _with_islands(
     images: Images, hull: Volume, uncut: Volume | None, known: Sequence[Prism], k: int, done: Sequence[int]
 ) -> tuple[Prism, Volume]:
     """One of the known concavities with what stands in it, and the hull with that, too; others are `done` already."""
+    if not has_room(known[k]):
+        return known[k], hull
     whole, margin = hull, hull.margin(known[k])
     if uncut is not None:
         whole = hull.filled(known[k], margin, uncut)

@@ -1,6 +1,6 @@
 """Where a hole ends that rays tell no floor of: at a face behind it, if views refute that in the same place.
 
-The face may lean: a spout enters a pot's side, an oil hole the bore of a bush.
+The face may lean: a spout's hole enters a pot's side.
 """
 
 from dataclasses import dataclass, replace
@@ -49,8 +49,7 @@ def lengthened(images: Images, scene: Scene, prism: Prism) -> Prism:
         far, pierced = _behind(scene, prism, core, ring, nearest)
         if far is None:
             continue
-        mouth, around = (_refuted(images, scene, prism, cells, far) for cells in (core, ring))
-        refuted = _tells_a_mouth(mouth, around)
+        mouth, around, refuted = refuted_there(images, scene, prism, core, ring, far)
         depth = far.deepest(prism)
         logger.info(
             "hole of area %.4f without a floor: %.0f %% of the views refute the face %.4f behind it, "
@@ -64,7 +63,7 @@ def lengthened(images: Images, scene: Scene, prism: Prism) -> Prism:
 
 
 @dataclass(frozen=True)
-class _Far:
+class Far:
     """A plane behind a hole: its depth, unit frame, below row 0 and column 0, and more for each row and column."""
 
     depth: float
@@ -99,22 +98,17 @@ def ring_of(prism: Prism) -> NDArray[np.bool_]:
 
 
 def refuted_there(
-    images: Images, scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_], depth: float
+    images: Images, scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_], far: Far
 ) -> tuple[float, float, bool]:
-    """Share of the views that refute a face at a depth of a hole, and beside it; whether that tells a mouth there."""
-    mouth, around = (_refuted(images, scene, prism, cells, _Far(depth)) for cells in (core, ring))
-    return mouth, around, _tells_a_mouth(mouth, around)
-
-
-def _tells_a_mouth(mouth: float, around: float) -> bool:
-    """Whether shares of views that refute a face at a hole's end, and beside it, tell that it opens there."""
+    """Share of the views that refute a face behind a hole, and beside it; whether that tells a mouth there."""
+    mouth, around = (_refuted(images, scene, prism, cells, far) for cells in (core, ring))
     clean = mouth >= _REFUTED / 2 and around <= _CLEAN * mouth
-    return clean or (mouth >= _REFUTED and around <= _AROUND * mouth)
+    return mouth, around, clean or (mouth >= _REFUTED and around <= _AROUND * mouth)
 
 
 def _behind(
     scene: Scene, prism: Prism, core: NDArray[np.bool_], ring: NDArray[np.bool_], nearest: bool
-) -> tuple[_Far | None, bool]:
+) -> tuple[Far | None, bool]:
     """The plane behind a hole, by a ring of cells (R, C) around it; None if there is none.
 
     And whether the hull is empty all along a part of its core (R, C): then it goes through. The `nearest` plane may
@@ -135,7 +129,7 @@ def _behind(
     if (np.abs(beside - design @ plane) <= _FLAT_CELLS).mean() < _MOSTLY:
         return None, False
     slope = (float(plane[1]) * pitch, float(plane[2]) * pitch)
-    return _Far(float(plane[0]) * pitch, slope), bool((within == 0).mean() >= _PIERCED)
+    return Far(float(plane[0]) * pitch, slope), bool((within == 0).mean() >= _PIERCED)
 
 
 def _left(scene: Scene, prism: Prism, cells: NDArray[np.bool_], nearest: bool) -> Array:
@@ -149,7 +143,7 @@ def _left(scene: Scene, prism: Prism, cells: NDArray[np.bool_], nearest: bool) -
     return np.asarray(np.where(beyond, crossings, 0.0).max(axis=1, initial=0.0))
 
 
-def _refuted(images: Images, scene: Scene, prism: Prism, cells: NDArray[np.bool_], far: _Far) -> float:
+def _refuted(images: Images, scene: Scene, prism: Prism, cells: NDArray[np.bool_], far: Far) -> float:
     """Median share of the views that show something else than the others at cells (R, C) of the face behind a hole."""
     depths, normal = far.at(prism, cells)
     places = prism.lattice.centers()[cells] - depths[:, None] * prism.lattice.normal

@@ -59,12 +59,9 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
         prism: the pocket, straight, with a flat floor; anything else stays as it is.
         margin: by which it is cut longer.
     """
-    pitch, found_as = prism.lattice.pitch, prism
-    upright = prism.draft * prism.depth <= _UPRIGHT_CELLS * pitch and np.isinf(prism.sink)
-    flat = not (prism.through or prism.endless or prism.domed or any(prism.tilt))
-    if not (flat and upright) or prism.depth < 2 * LEAST_HEIGHT_CELLS * pitch:
+    if not has_room(prism):
         return prism
-    prism = replace(prism, draft=0.0)
+    found_as, prism = prism, replace(prism, draft=0.0)
     cut = hull.without(prism, margin).scene()
     found: list[_Seen] = []
     narrow, wide = tops(images, cut, prism)
@@ -77,7 +74,7 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
         found += _found(images, rays, hull, prism, margin, cut, some)
     best: list[Prism] = []
     for one in sorted(found, key=lambda one: one.left / one.island.area**_LARGER):  # a part of one may fit as well
-        if not any((one.island.outline & b.outline).sum() > _OVERLAP * one.island.outline.sum() for b in best):
+        if not any(_overlaps(one.island.outline, b.outline) for b in best):
             best.append(one.island)
     kept = [one.island for one in _believed(rays, hull, prism, margin, cut, best)]
     logger.info(
@@ -87,6 +84,14 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
         return found_as
     standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
     return replace(prism, islands=tuple(_drawn(images, standing, prism, kept)))
+
+
+def has_room(prism: Prism) -> bool:
+    """Whether bosses may stand in a concavity: it is upright, and has a flat floor that lies deep enough."""
+    pitch = prism.lattice.pitch
+    upright = prism.draft * prism.depth <= _UPRIGHT_CELLS * pitch and np.isinf(prism.sink)
+    flat = not (prism.through or prism.endless or prism.domed or any(prism.tilt))
+    return bool(flat and upright and prism.depth >= 2 * LEAST_HEIGHT_CELLS * pitch)
 
 
 def _found(
@@ -111,12 +116,17 @@ def _turn(prism: Prism, candidates: Sequence[Top], kept: Sequence[Prism], wrong:
     chosen: list[Top] = []
     taken = np.any([np.zeros_like(prism.outline), *(island.outline for island in kept)], axis=0)
     for top in candidates:
-        height, most = prism.depth - top.depth, _OVERLAP * top.outline.sum()
+        height = prism.depth - top.depth
         alike = [i for i in wrong if abs(i.depth - height) <= _TRIED_CELLS * prism.lattice.pitch]
-        if (top.outline & taken).sum() <= most and all((top.outline & i.outline).sum() <= most for i in alike):
+        if not any(_overlaps(top.outline, other) for other in (taken, *(i.outline for i in alike))):
             chosen.append(top)
             taken |= top.outline
     return chosen
+
+
+def _overlaps(outline: Cells, other: Cells) -> bool:
+    """Whether too much of an outline lies on another one."""
+    return bool((outline & other).sum() > _OVERLAP * outline.sum())
 
 
 @dataclass(frozen=True)
@@ -198,13 +208,11 @@ def _drawn(images: Images, standing: Scene, prism: Prism, islands: Sequence[Pris
         sure = rim is not None and (rim.told >= _TOLD or any(_alike(rim.section, t.section) for t, _ in told))
         section = rim.section if rim is not None and sure else None
         own = island.depth + (rim.height * pitch if rim is not None and rim.told >= _TOLD else 0.0)
-        heights = [other.depth + t.height * pitch for t, other in told]
-        level = [h for h in heights if abs(h - own) <= _LEVEL_CELLS * pitch]
-        depth = float(np.median(level)) if level else own
+        heights = [(other.depth + t.height * pitch, t.section) for t, other in told]
+        level = [one for one in heights if abs(one[0] - own) <= _LEVEL_CELLS * pitch]
+        depth = float(np.median([height for height, _ in level])) if level else own
         if section is None:
-            section = _like(
-                island, [t.section for t, h in zip((t for t, _ in told), heights, strict=True) if h in level]
-            )
+            section = _like(island, [other for _, other in level])
         logger.info("boss of area %.4f: %s, %.4f high", island.area, section and section.shape, depth)
         result.append(replace(island, lattice=island.lowered(island.depth - depth), depth=depth, section=section))
     return result

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.ends import core_of, is_straight, refuted_there, ring_of
+from brepgaussian.splatting.concave.ends import Far, core_of, is_straight, refuted_there, ring_of
 from brepgaussian.splatting.concave.join import distance_between, face_each_other, throat
 from brepgaussian.splatting.concave.openings import Images, across
 from brepgaussian.splatting.concave.prism import Prism
@@ -48,7 +48,7 @@ def onward(images: Images, scene: Scene, tolerance: float, prism: Prism, known: 
         depth = distance_between(prism, pocket) - pocket.depth
         if depth < prism.depth + _LEAST_WALL_CELLS * prism.lattice.pitch:
             continue
-        mouth, around, refuted = refuted_there(images, scene, prism, core_of(prism), ring_of(prism), depth)
+        mouth, around, refuted = refuted_there(images, scene, prism, core_of(prism), ring_of(prism), Far(depth))
         rim = _rimmed_share(images, scene, prism, depth)
         on = refuted and rim >= _RIMMED
         logger.info(

@@ -54,19 +54,25 @@ class Top:
 
 def tops(images: Images, cut: Scene, prism: Prism) -> tuple[list[Top], list[Top]]:
     """What may be the narrow, and the wide tops of bosses, on all planes between floor and rim."""
-    pitch = prism.lattice.pitch
-    depths = np.arange(LEAST_HEIGHT_CELLS * pitch, prism.depth - LEAST_HEIGHT_CELLS * pitch, _STEP_CELLS * pitch)
-    stacks = (across(images, cut, prism.lowered(float(depth)), prism.outline) for depth in depths)
-    agreement = np.stack([stack.agreement for stack in stacks]).astype(np.float32)  # (D, R, C)
     hidden = _hidden(images, cut, prism)
+    if not hidden.any():
+        return [], []
+    pitch, within = prism.lattice.pitch, prism.outline
+    depths = np.arange(LEAST_HEIGHT_CELLS * pitch, prism.depth - LEAST_HEIGHT_CELLS * pitch, _STEP_CELLS * pitch)
+    stacks = (across(images, cut, prism.lowered(float(depth)), within) for depth in depths)
+    agreement = np.stack([stack.agreement for stack in stacks]).astype(np.float32)  # (D, R, C)
+    near = within & ndimage.binary_dilation(hidden, iterations=_WIDER_CELLS)
+    clear = ndimage.binary_erosion(within, iterations=_BLURRED_CELLS)
+    weight = np.maximum(ndimage.gaussian_filter(within.astype(float), _BLUR_CELLS), _FAINTEST)
     narrow: list[Top] = []
     wide: list[Top] = []
     for k, depth in enumerate(depths):
         beside = [j for off in _BESIDE_PLANES for j in (k - off, k + off) if 0 <= j < len(depths)]
-        peaks = _peaks(agreement[k], agreement[k] - agreement[beside].mean(axis=0), prism.outline) if beside else ()
-        over_hidden = _over_hidden(agreement[k], hidden, prism.outline)
+        peak = agreement[k] - agreement[beside].mean(axis=0) if beside else np.zeros_like(agreement[k])
+        peaks = _peaks(agreement[k], peak, within, weight)
+        over_hidden = _over_hidden(agreement[k], near, hidden, clear)
         for found, outlines, least in ((narrow, peaks, _RING_SHARE), (wide, over_hidden, _WIDE_RING_SHARE)):
-            candidates = (_top(agreement[k], prism.outline, o, float(depth), least) for o in outlines)
+            candidates = (_top(agreement[k], within, o, float(depth), least) for o in outlines)
             found += [top for top in candidates if top is not None]
     return narrow, wide
 
@@ -95,13 +101,11 @@ def _ring(outline: Cells) -> Cells:
     return np.asarray(ndimage.binary_dilation(blurred, iterations=RING_CELLS) & ~blurred)
 
 
-def _over_hidden(agreement: Array, hidden: Cells, within: Cells) -> Iterator[Cells]:
-    """Regions about which views agree (R, C), over hidden floor: wide tops.
+def _over_hidden(agreement: Array, near: Cells, hidden: Cells, clear: Cells) -> Iterator[Cells]:
+    """Regions about which views agree (R, C), `near` `hidden` floor and over it, `clear` of the walls: wide tops.
 
     In the middle of a wide one views agree on planes above and below it, too.
     """
-    clear = ndimage.binary_erosion(within, iterations=_BLURRED_CELLS)
-    near = within & ndimage.binary_dilation(hidden, iterations=_WIDER_CELLS)
     for least in _AGREED:
         agreed = ndimage.binary_opening((agreement >= least) & near, iterations=_THIN_CELLS)
         for broken in (0, _BROKEN_CELLS):
@@ -113,9 +117,11 @@ def _over_hidden(agreement: Array, hidden: Cells, within: Cells) -> Iterator[Cel
                     yield outline
 
 
-def _peaks(agreement: Array, peak: Array, within: Cells) -> Iterator[Cells]:
-    """Regions (R, C) of a pocket about which views agree, and by a `peak` less so above and below: narrow tops."""
-    weight = np.maximum(ndimage.gaussian_filter(within.astype(float), _BLUR_CELLS), _FAINTEST)
+def _peaks(agreement: Array, peak: Array, within: Cells, weight: Array) -> Iterator[Cells]:
+    """Regions (R, C) of a pocket about which views agree, and by a `peak` less so above and below: narrow tops.
+
+    Weight: (R, C) of what lies within the pocket, in a blur.
+    """
     smooth, clear = (ndimage.gaussian_filter(np.where(within, a, 0.0), _BLUR_CELLS) / weight for a in (agreement, peak))
     agreed = ndimage.binary_opening(within & (smooth >= _AT_PEAK) & (clear >= _PEAK), iterations=_THIN_CELLS)
     for region in _compact(ndimage.binary_closing(agreed, iterations=_BROKEN_CELLS), _NARROW_CELLS):

@@ -42,8 +42,8 @@ class Volume:
         """Its surface, to cast rays at, with the concavities that are cut into it."""
         return Scene(*self.mesh(), rims)
 
-    def contains(self, points: Array) -> NDArray[np.bool_]:
-        """(N,) which of the points (N, 3) lie inside of it."""
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """(N,) whether points (N, 3) lie inside of it."""
         return np.asarray(sample(self.field, (points - self.origin) / self.spacing, -self.spacing) > 0)
 
     def with_field(self, field: Field) -> "Volume":

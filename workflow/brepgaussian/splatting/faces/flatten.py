@@ -18,7 +18,7 @@ from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import candidates
 from brepgaussian.splatting.faces.confirm import Face, confirm
-from brepgaussian.splatting.faces.holes import clear_holes
+from brepgaussian.splatting.faces.holes import clear_holes, standing
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Array, NDArray[np.int64]], tuple[Array, Array]]
@@ -193,9 +193,8 @@ def _carve(hull: Volume, faces: list[Face]) -> Volume:
     """The hull without what stands above the faces, but for what goes on higher: the other side of a groove."""
     for face in faces:
         height = face.bulge + _SLACK_CELLS * hull.spacing
-        above = face.lattice.centers()[face.outline] + height * face.lattice.normal
         outline = face.outline.copy()
-        outline[face.outline] = ~hull.contains(above)
+        outline[face.outline] = ~standing(hull, face, face.outline, height)
         hull = hull.without(Prism(face.lattice, outline, 0.0, False, 0.0), height)
     return hull
 

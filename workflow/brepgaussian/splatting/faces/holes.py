@@ -42,17 +42,17 @@ def clear_holes(hull: Volume, faces: Sequence[Face], needed: Needed, most: float
     for face in faces:
         for hole in _holes(face.outline):
             height = face.bulge + _SLACK_VOXELS * hull.spacing
-            standing = _standing(scene, face, hole, _ABOVE_VOXELS * hull.spacing)
-            if not _LEAST_CELLS <= standing.sum() <= _MOST_STANDING * hole.sum():
+            over_hole = standing(scene, face, hole, _ABOVE_VOXELS * hull.spacing)
+            if not _LEAST_CELLS <= over_hole.sum() <= _MOST_STANDING * hole.sum():
                 continue
-            if _standing(scene, face, hole, height).sum() >= _LEAST_CELLS:
+            if standing(scene, face, hole, height).sum() >= _LEAST_CELLS:
                 continue  # no remains of a bulge, but a hub: what is left of it above would hide what silhouettes show
             within, heights = over(face.lattice, hole, scene.vertices)
             samples = scene.vertices[within & (heights > _ABOVE_VOXELS * hull.spacing) & (heights < height)]
             cleared = hull.without(Prism(face.lattice, hole, 0.0, False, 0.0), height)
             after = cleared.scene()
             if len(samples) and needed(samples, after).mean() <= most:
-                logger.info("over a hole in a planar face: %.0f %% of it cleared", 100 * standing.sum() / hole.sum())
+                logger.info("over a hole in a planar face: %.0f %% of it cleared", 100 * over_hole.sum() / hole.sum())
                 hull, scene = cleared, after
     return hull
 
@@ -64,7 +64,6 @@ def _holes(outline: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     return [labels == k for k in range(1, count + 1) if sizes[k] >= _LEAST_CELLS]
 
 
-def _standing(scene: Scene, face: Face, hole: NDArray[np.bool_], height: float) -> NDArray[np.bool_]:
-    """(C,) over which cells of a hole the hull reaches that high above the plane."""
-    above = face.lattice.centers()[hole] + height * face.lattice.normal
-    return scene.inside(above)
+def standing(solid: Scene | Volume, face: Face, cells: NDArray[np.bool_], height: float) -> NDArray[np.bool_]:
+    """(C,) over which cells (R, C) of a face's lattice a hull reaches that high above the plane."""
+    return solid.inside(face.lattice.centers()[cells] + height * face.lattice.normal)
