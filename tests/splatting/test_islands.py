@@ -8,7 +8,7 @@ from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
-from brepgaussian.splatting.concave.islands import _against_walls
+from brepgaussian.splatting.concave.bosses import _rectangles
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import PIECES, Rounded, Section
@@ -72,6 +72,7 @@ def test_bosses_below_a_rim_stand_where_they_are(tmp_path, part, seed, interrefl
     floor = found.lattice.origin[2] - found.depth
     tops = [m for m in middles if floor + 0.02 < m[2] < rim - 0.02]
     assert len(found.islands) == len(tops)
+    assert abs(floor - min(m[2] for m in middles)) < 0.005  # told by the rays that meet none of them
     for top in tops:
         heights = [
             abs(island.lattice.origin[2] - top[2])
@@ -157,12 +158,13 @@ def test_the_section_of_a_boss_in_a_corner_reaches_into_its_walls(turn):
     whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
     outline = post.signed_distance(grid) < 0
     outline |= (np.abs(grid - np.array(post.center) + 5 * np.array([np.cos(turn), np.sin(turn)])) < 2.0).all(axis=-1)
-    found = _against_walls(whole, Prism(whole.lowered(0.1), outline, 0.2, False, 0.0))
-    assert found is not None
+    found = next(iter(_rectangles(whole, Prism(whole.lowered(0.1), outline, 0.2, False, 0.0))))
     border = post.border(200)
     free = border[walls.signed_distance(border) < -1]
     assert np.abs(found.signed_distance(free)).max() < 1.0
     beyond = found.border(200)
     assert walls.signed_distance(beyond).max() > 2.0
-    alone = Section((45.0, 40.0), turn, Rounded((6.0, 6.0), 0.0)).signed_distance(grid) < 0
-    assert _against_walls(whole, Prism(whole.lowered(0.1), alone, 0.2, False, 0.0)) is None
+    alone = Section((45.0, 40.0), turn, Rounded((6.0, 6.0), 0.0))
+    island = Prism(whole.lowered(0.1), alone.signed_distance(grid) < 0, 0.2, False, 0.0)
+    found = next(iter(_rectangles(whole, island)))
+    assert np.abs(found.signed_distance(alone.border(200))).max() < 1.0

@@ -91,6 +91,7 @@ def open_concavities(
             if k not in ends:
                 known[k] = sounded(images, scene, shortened(images, hull, known[k], margins[k]))
                 known[k], hull = _with_islands(images, hull, uncut, known, k, done)
+                known[k] = sounded(images, scene, known[k]) if known[k].islands else known[k]
             opened = hull.without(known[k], margins[k])
             if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):
                 hull = opened

@@ -4,40 +4,28 @@ No silhouette shows them, and rays through the pocket's rim tell of its floor, s
 planes between floor and rim, views agree about a boss's top, at its own height only, and about nothing around it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import Rays, mean_cost, rays_at_object
-from brepgaussian.splatting.concave.draw import circle, fitted
+from brepgaussian.splatting.concave.bosses import LEVEL_CELLS, sectioned
 from brepgaussian.splatting.concave.openings import Images, across
-from brepgaussian.splatting.concave.prism import Prism, signed_outline
-from brepgaussian.splatting.concave.rims import CONTRAST, FAINT, Rim, rim_of
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sections import Rounded, Section
-from brepgaussian.splatting.concave.tops import BAND_CELLS, COMPACT_CELLS, LEAST_HEIGHT_CELLS, RING_CELLS, Top, tops
+from brepgaussian.splatting.concave.tops import LEAST_HEIGHT_CELLS, Top, tops
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
 _UPRIGHT_CELLS = 2.0  # by which walls lean at their foot at most: what stands on a floor may look like that
-_BORDER_CELLS = 5  # from a wall: a boss that ends there stands against it, for views disagree about what is next to it
-_BESIDE_CELLS = 4  # around a top, where its rim is sought
-_LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
-_IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
-_FRINGE, _WIDE = 0.5, 0.8  # of the cells side by side, and the quantile of their numbers that is a boss's width
 _STRIDE_PX = 2  # between the rays that judge a boss
 _FINE_CELLS = (0.0, -0.5, 0.5, -1.0, 1.0)  # from a plane, to find a top's height
-_TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
-_CLEARLY = 0.6  # of it, or steps of less contrast are asked, too
-_SIZES = 1.03  # ratio of sections that are meant to be one
 _LARGER = 0.25  # power of its area by which a boss may leave more of the views' disagreement than a part of it
-_SAME = 0.7  # of two outlines of one section is common to both
 _OVERLAP = 0.2  # of a top, that may be another one's
 _LOOKS = 3  # at those of one turn, without what turned out to be none
 _TURNS = 3  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
@@ -83,7 +71,7 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
     if not kept:
         return found_as
     standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
-    return replace(prism, islands=tuple(_drawn(images, standing, prism, kept)))
+    return replace(prism, islands=tuple(sectioned(images, standing, prism, kept)))
 
 
 def has_room(prism: Prism) -> bool:
@@ -155,7 +143,7 @@ def _believed(
         left = possible
     kept = [one for one in said if one.believed]
     pitch = prism.lattice.pitch
-    level = [i for i in islands if any(abs(i.depth - k.island.depth) <= _LEVEL_CELLS * pitch for k in kept)]
+    level = [i for i in islands if any(abs(i.depth - k.island.depth) <= LEVEL_CELLS * pitch for k in kept)]
     return [one for one in seen(level) if one.believed] if len(level) > len(kept) else kept
 
 
@@ -192,114 +180,3 @@ def _on(island: Prism, points: Array) -> NDArray[np.bool_]:
     cells, height = island.lattice.coordinates(points)
     near = 2 * island.lattice.pitch
     return np.asarray((island.lateral(cells) < near) & (height < near) & (height > -island.depth + near))
-
-
-def _drawn(images: Images, standing: Scene, prism: Prism, islands: Sequence[Prism]) -> list[Prism]:
-    """Bosses with the sections that their outlines are drawings of, and at the heights that their rims tell.
-
-    In a pocket few views show all of a rim. A section that a part of it tells is one that another boss has, too. Those
-    of nearly one height are of one.
-    """
-    rims = [_rim(images, standing, prism, island) for island in islands]
-    told = [(rim, i) for rim, i in zip(rims, islands, strict=True) if rim is not None and rim.told >= _TOLD]
-    result = []
-    for island, rim in zip(islands, rims, strict=True):
-        pitch = island.lattice.pitch
-        sure = rim is not None and (rim.told >= _TOLD or any(_alike(rim.section, t.section) for t, _ in told))
-        section = rim.section if rim is not None and sure else None
-        own = island.depth + (rim.height * pitch if rim is not None and rim.told >= _TOLD else 0.0)
-        heights = [(other.depth + t.height * pitch, t.section) for t, other in told]
-        level = [one for one in heights if abs(one[0] - own) <= _LEVEL_CELLS * pitch]
-        depth = float(np.median([height for height, _ in level])) if level else own
-        if section is None:
-            section = _like(island, [other for _, other in level])
-        logger.info("boss of area %.4f: %s, %.4f high", island.area, section and section.shape, depth)
-        result.append(replace(island, lattice=island.lowered(island.depth - depth), depth=depth, section=section))
-    return result
-
-
-def _rim(images: Images, standing: Scene, prism: Prism, island: Prism) -> Rim | None:
-    """The rim of a boss's top that is told best."""
-    around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + RING_CELLS)
-    stack = across(images, standing, island.lattice, around)
-    centers = images.views.cameras.centers
-    walled = _against_walls(prism, island)
-
-    def told(contrast: float) -> Rim | None:
-        """The one that is told best by steps of some contrast."""
-        rims = [rim_of(r, stack, centers, images.tolerance, _LEAST_TOLD, contrast=contrast) for r in _rough(island)]
-        if walled is not None:
-            covered = lambda at: prism.lateral(at) > 0  # noqa: E731
-            rims.append(rim_of(walled, stack, centers, images.tolerance, _LEAST_TOLD, covered, contrast))
-        return max((r for r in rims if r is not None and r.section.at_rim), key=lambda r: r.told, default=None)
-
-    clear = told(CONTRAST)
-    if clear is not None and clear.told >= _CLEARLY:
-        return clear
-    return max((r for r in (clear, told(FAINT)) if r is not None), key=lambda r: r.told, default=None)
-
-
-def _like(island: Prism, others: Sequence[Section]) -> Section | None:
-    """The section of another boss of its height where it stands, if its outline is about that."""
-    places = np.moveaxis(np.indices(island.outline.shape), 0, -1).astype(float)
-    row, column = np.argwhere(island.outline).mean(axis=0)
-    for other in others:
-        section = replace(other, center=(float(row), float(column)), at_rim=False)
-        inside = section.signed_distance(places) < 0
-        if (inside & island.outline).sum() >= _SAME * (inside | island.outline).sum():
-            return section
-    return None
-
-
-def _alike(one: Section, other: Section) -> bool:
-    """Whether two sections are of one form and size."""
-    if type(one.shape) is not type(other.shape):
-        return False
-    ratio = one.shape.reach / other.shape.reach
-    return 1 / _SIZES <= ratio <= _SIZES
-
-
-def _rough(island: Prism) -> Iterator[Section]:
-    """What a boss's outline may be a drawing of: also a circle, though views see less on one side of it."""
-
-    def opened(cells: Cells) -> Cells:
-        return np.asarray(ndimage.binary_opening(cells, iterations=COMPACT_CELLS))
-
-    section = fitted(island.outline, opened)
-    if section is not None:
-        yield section
-    middle = np.argwhere(island.outline).mean(axis=0)
-    yield circle([float(middle[0]), float(middle[1]), float(np.sqrt(island.outline.sum() / np.pi))])
-    inside = ndimage.distance_transform_edt(np.pad(island.outline, 1))[1:-1, 1:-1]
-    row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
-    yield circle([float(row), float(column), float(inside[row, column])])
-
-
-def _against_walls(prism: Prism, island: Prism) -> Section | None:
-    """The rectangle along a pocket's walls around a boss that stands against one, reaching into it, or None."""
-    away = -signed_outline(prism.outline)  # of cells, from the pocket's walls
-    cells = np.argwhere(island.outline)
-    if not (away[island.outline] < _BORDER_CELLS).any():
-        return None
-    angle = 0.0 if prism.section is None else prism.section.angle
-    axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    at = cells @ axes.T  # (N, 2) along the walls
-    low, high = np.array([_ends(at[:, axis]) for axis in (0, 1)]).T
-    touches = False
-    for axis in (0, 1):
-        for end, outward in ((low, -1), (high, 1)):
-            beside = cells[np.abs(at[:, axis] - end[axis]) < BAND_CELLS]
-            if np.median(away[tuple(beside.T)]) < _BORDER_CELLS:
-                end[axis] += _IN_WALL_CELLS * outward
-                touches = True
-    middle, half = (low + high) / 2 @ axes, (high - low) / 2
-    shape = Rounded((float(half[0]), float(half[1])), 0.0)
-    return Section((float(middle[0]), float(middle[1])), angle, shape) if touches else None
-
-
-def _ends(along: Array) -> tuple[float, float]:
-    """Where cells end to both sides along an axis: a fringe of few of them counts as none."""
-    _, inverse, sizes = np.unique(np.round(along), return_inverse=True, return_counts=True)
-    wide = sizes >= _FRINGE * np.quantile(sizes, _WIDE)
-    kept = along[wide[inverse]]
-    return float(kept.min()) - 0.5, float(kept.max()) + 0.5

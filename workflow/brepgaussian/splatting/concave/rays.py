@@ -51,8 +51,11 @@ class Rays:
         """At most `count` of them, evenly at random."""
         if len(self) <= count:
             return self
-        chosen = np.sort(np.random.default_rng(seed).choice(len(self), count, replace=False))
-        return Rays(*(getattr(self, f.name)[chosen] for f in fields(self)))
+        return self.chosen(np.sort(np.random.default_rng(seed).choice(len(self), count, replace=False)))
+
+    def chosen(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> "Rays":
+        """Some of them, by their numbers or by a mask (N,)."""
+        return Rays(*(getattr(self, f.name)[which] for f in fields(self)))
 
     def met(self, depth: Array, free: NDArray[np.bool_]) -> Array:
         """(N,) where a ray that is free down to a depth meets the hull: there, further down, or nowhere (infinite).

@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.depth import looked_into
 from brepgaussian.splatting.concave.drilled import is_narrow
 from brepgaussian.splatting.concave.openings import Images, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.rays import Rays, exits
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import SURE, Opening, Shape
 
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 _FINER = 2  # cells for one
 _NEAR_CELLS = 3.0  # by which a floor is moved where views agree better; farther only where they surely do
 _AROUND_CELLS = 6  # of the face around the opening
+_BLUR_CELLS = 1.0  # around what stands on a floor
 _RAYS, _FINAL_RAYS = 60_000, 240_000
 _RATIO = 1.06  # of the depths that are tried,
 _NEAR_RATIO, _NEAR = 1.01, 9  # of those about the best one, and how many to both sides
@@ -35,9 +37,11 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     Args:
         images: of all views.
         scene: the hull, before it is cut.
-        prism: anything else stays as it is, and what is so narrow that its depth was found in such cells.
+        prism: anything else stays as it is, and what is so narrow that its depth was found in such cells. What stands
+            on its floor keeps its top where it is.
     """
-    if prism.section is None or not is_plain(prism) or is_narrow(prism.outline):
+    bare = replace(prism, islands=())
+    if bare.section is None or not is_plain(bare) or is_narrow(bare.outline):
         return prism
     looked = along_walls(images, scene, prism, (_RAYS, _FINAL_RAYS))
     if looked is None:
@@ -61,7 +65,10 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
         "opening of area %.4f: along its walls %.4f deep, not %.4f%s",
         prism.area, depth, prism.depth, "" if told or not prism.endless else ": not told",
     )  # fmt: skip
-    return replace(prism, depth=depth, endless=False) if told or not prism.endless else prism
+    if prism.endless and not told:
+        return prism
+    islands = (replace(island, depth=island.depth + depth - prism.depth) for island in prism.islands)
+    return replace(prism, depth=depth, endless=False, islands=tuple(i for i in islands if i.depth > 0))
 
 
 def is_plain(prism: Prism) -> bool:
@@ -75,24 +82,47 @@ def along_walls(
 ) -> tuple[float, list[Opening]] | None:
     """The side of finer cells, unit frame, and an opening in them along drawn walls for each number of rays.
 
-    Rays at the rim count in none of them; None where few rays look in.
+    Rays at the rim count in none of them, nor do those that meet what stands in it; None where few rays look in.
     """
     taken = images.as_taken
-    fine, inside = finer(prism)
+    fine, places, inside = finer(prism)
     looked = looked_into(rectify(taken, scene, fine), inside, taken.views.cameras.centers, scene)
     if looked is None:
         return None
     every, ends, breaks = looked
+    every = _past_islands(every, prism, fine, places, inside, max(ends))
+    if not len(every):
+        return None
     found = [Opening(every, count, inside, ends, taken.tolerance, breaks) for count in counts]
     for opening in found:
         opening.keep_clear(0.0)
     return fine.pitch, found
 
 
-def finer(prism: Prism) -> tuple[Lattice, NDArray[np.bool_]]:
-    """A finer lattice around an opening, and its cells (R, C) within the section."""
+def _past_islands(
+    rays: Rays, prism: Prism, fine: Lattice, places: Array, inside: NDArray[np.bool_], deepest: float
+) -> Rays:
+    """The rays into an opening that meet nothing which stands in it.
+
+    Args:
+        rays: in cells of the finer lattice.
+        prism: the opening.
+        fine, places, inside: see `finer`.
+        deepest: of floors that are tried, cells.
+    """
+    for island in prism.islands:
+        wall = exits(rays, inside, deepest)
+        top = (prism.depth - island.depth) / fine.pitch
+        free = island.lateral(places.reshape(-1, 2)).reshape(inside.shape) > _BLUR_CELLS * prism.lattice.pitch
+        met = exits(replace(rays, entry=np.full(len(rays), top)), free, deepest)
+        rays = rays.chosen((met >= wall) | (wall <= top))
+    return rays
+
+
+def finer(prism: Prism) -> tuple[Lattice, Array, NDArray[np.bool_]]:
+    """A finer lattice around an opening, its cells (R, C, 2) in those of the prism's, and which are in the section."""
     used = np.argwhere(prism.outline)
     low, high = used.min(axis=0) - _AROUND_CELLS, used.max(axis=0) + 1 + _AROUND_CELLS
     fine, places = prism.lattice.finer(low, high, _FINER)
     assert prism.section is not None
-    return fine, prism.section.signed_distance(places) < 0
+    return fine, places, prism.section.signed_distance(places) < 0
