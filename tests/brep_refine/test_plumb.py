@@ -1,12 +1,16 @@
 """Floors of pockets whose depth is off, rendered with their walls' light: how deep all rays place them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from brepgaussian.brep.patches import Patch, with_floor
 from brepgaussian.brep.refine import from_solid, refine
 from brepgaussian.brep.refine.observe import prepare, whole_images
 from brepgaussian.brep.refine.pits import floors, pit_of
 from brepgaussian.brep.refine.plumb import deeper, plumbed
 from brepgaussian.brep.structure import extract
+from brepgaussian.geometry.surfaces import cylinder, plane
 from brepgaussian.settings.brep import BrepSettings
 from brepgaussian.views.truth import transformed
 from build123d import Align, Box, Cylinder, Pos, Rot
@@ -41,7 +45,8 @@ def test_floors_go_to_where_rays_place_them(tmp_path, hole, off):
     (pit,), found, footprint = pits(block() - hole(DEEP - off), block() - hole(DEEP), tmp_path)
     assert deeper(pit) == pytest.approx(off / LONG, abs=0.2 * footprint)
     # all that the surface is asked to pass through lies there
-    height = (found.points - pit.floor.vertices[pit.floor.triangles[0, 0]]) @ pit.normal
+    (floor,) = found.values()
+    height = (floor.places - pit.floor.vertices[pit.floor.triangles[0, 0]]) @ pit.normal
     np.testing.assert_allclose(height, -deeper(pit), atol=1e-9)
 
 
@@ -59,7 +64,20 @@ def test_noise_tells_no_depth(tmp_path, seed):
     turned = Rot(0, 0, 17 * seed) * (block() - hole)
     (pit,), found, _ = pits(turned, turned, tmp_path, noise=5.0)
     assert deeper(pit) is None
-    assert found is None
+    assert not found
+
+
+@pytest.mark.parametrize(("radius", "deep", "too_deep"), [(7.0, 10, 16), (6.0, 8, 16), (8.0, 16, 18)])
+def test_a_floor_far_too_deep_goes_up_to_where_views_begin_to_disagree(tmp_path, radius, deep, too_deep):
+    """Walls and floor of a socket look alike: below its floor, all depths explain the images nearly as well."""
+    tall = Box(LONG, 40, 40, align=LOW)
+
+    def socket(deep):
+        return Pos(0, 0, 40 - deep) * Cylinder(radius, deep, align=LOW)
+
+    (pit,), found, footprint = pits(tall - socket(deep + too_deep), tall - socket(deep), tmp_path)
+    (floor,) = found.values()
+    assert floor.move @ pit.normal == pytest.approx(too_deep / LONG, abs=1.5 * footprint)
 
 
 def test_a_floor_below_which_the_solid_ends_is_not_asked_for_below(tmp_path):
@@ -82,6 +100,24 @@ def test_the_refinement_moves_a_floor_there(tmp_path):
     level = min(surfaces_of(truth), key=lambda s: np.abs(s.signed_distance(_corners(result.mesh, floor))).max())
     assert result.accepted
     assert np.abs(level.signed_distance(_corners(result.mesh, floor))).max() < 0.2 * views.cameras.footprint()
+
+
+def test_the_walls_of_a_floor_that_is_moved_up_end_there():
+    """Else they would count as surface that the solid leaves out."""
+    turn, height = (
+        a.ravel() for a in np.meshgrid(np.linspace(0, 2 * np.pi, 40, endpoint=False), np.linspace(0, 1, 41))
+    )
+    wall = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), height])
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 21)] * 2), axis=-1).reshape(-1, 2)
+    disc = np.column_stack([grid[np.hypot(*grid.T) < 0.19], np.zeros((np.hypot(*grid.T) < 0.19).sum())])
+    bore = cylinder(np.zeros(3), np.array([0.0, 0, 1]), 0.2, flipped=True)
+    old, new = (plane(np.array([0.0, 0, z]), np.array([0.0, 0, 1])) for z in (0.0, 0.4))
+    patches = [Patch(s, k, x, s.normals(x), 0.02, 0.0) for k, (s, x) in enumerate([(bore, wall), (new, disc)])]
+    other = Patch(new, 2, disc + np.array([2.0, 0, 0.2]), new.normals(disc), 0.02, 0.0)  # far away, of that height
+    found = list(with_floor([*patches, other], 1, replace(patches[1], surface=old)))
+    assert found[0].xyz[:, 2].min() == pytest.approx(0.4, abs=0.03)
+    np.testing.assert_allclose(found[1].xyz[:, 2], 0.4)
+    assert found[2] is other
 
 
 def _corners(mesh, face):

@@ -377,3 +377,12 @@ def test_the_other_side_of_a_groove_stands_when_a_face_is_cleared():
     assert hull.inside(at(0.25, 0.32)).all()
     assert not cut.inside(at(0.25, 0.32)).any()
     assert cut.inside(at(0.18, 0.38)).all()
+
+
+def test_a_face_all_of_which_something_stands_on_clears_nothing():
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 41)] * 3, indexing="ij"), axis=-1)
+    field = 0.4 - np.abs(grid - 0.5).max(axis=-1)
+    hull = Volume(field.astype(np.float32), np.zeros(3), 0.025)
+    lattice = Lattice(np.array([0.25, 0.25, 0.3]), *np.eye(3), 0.025, (20, 20))
+    face = Face(lattice, np.ones((20, 20), bool), 0.0, 0.1)  # within the block
+    np.testing.assert_array_equal(flatten._carve(hull, [face]).field, hull.field)

@@ -1,6 +1,6 @@
 """What the assembly knows of one primitive: its surface and the cleaned points that support it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -115,3 +115,24 @@ def _dense(xyz: Array) -> tuple[NDArray[np.bool_], float]:
     distances = cKDTree(xyz).query(xyz, count + 1)[0][:, -1]
     usual = float(np.quantile(distances, 0.75))
     return distances <= _ISOLATED * max(usual, 1e-12), usual
+
+
+def with_floor(patches: Sequence[Patch], index: int, before: Patch) -> Iterator[Patch]:
+    """The patches with a floor's points where its surface is now, and without those of walls that were below it.
+
+    Args:
+        patches: all of them; index: of the floor.
+        before: the floor as its points lie.
+    """
+    floor = patches[index]
+    moved = floor.surface.project(before.xyz)
+    under = cKDTree(moved)
+    for k, patch in enumerate(patches):
+        below = floor.surface.signed_distance(patch.xyz) < -floor.reach
+        between = below & (before.surface.signed_distance(patch.xyz) > -before.reach)
+        reach = NEARBY * floor.reach
+        gone = between & (under.query(floor.surface.project(patch.xyz), distance_upper_bound=reach)[0] < reach)
+        if k == index:
+            yield supported(patch, floor.surface, moved, before.normals)
+        else:
+            yield supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone]) if gone.any() else patch

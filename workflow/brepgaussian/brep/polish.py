@@ -1,7 +1,7 @@
 """The seam to the refinement: surfaces made exact by the images, the solid rebuilt with the same topology."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.patches import with_floor
 from brepgaussian.brep.shown import ShownEdge, shown_edges
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.tangents import cleared
@@ -89,7 +90,8 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             best = _polished(attempt, notes, structure, test, job, footprint)
             if same:
                 break
-            job = with_surfaces(job, rung, result.surfaces, {f.surface for f in result.structure.faces})
+            used = {f.surface for f in result.structure.faces}
+            job = with_surfaces(job, rung, result.surfaces, used, result.plumbed)
     except (WorkerError, BrepGaussianError, ValueError, ArithmeticError, RuntimeError, IndexError) as error:
         log.warning("no refinement: %s", error)
         best = best or Polished(attempt, {"refined": False})
@@ -166,7 +168,7 @@ def _rebuilt(
 
     settings = job.settings
     used = {f.surface for f in result.structure.faces}
-    moved = with_surfaces(job, rung, result.surfaces, used)
+    moved = with_surfaces(job, rung, result.surfaces, used, result.plumbed)
     own = (result.mesh, result.structure, result.surfaces, moved, rung)
     calls: list[tuple[str, tuple[Any, ...]]] = [("assemble:attempt", (moved, rung))]
     if not job.blends:  # fillets are rolled on the faces themselves
@@ -210,13 +212,22 @@ def _as_good(test: Any, result: Any, same: bool) -> bool:
     return bool(test.mask_iou > result.before.mask_iou and not test.silhouette_px > result.before.silhouette_px)
 
 
-def with_surfaces(job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int]) -> Job:
-    """The same job with other surfaces under the same points; caps that the solid does not use are left out."""
+def with_surfaces(
+    job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int], plumbed: Set[int] = frozenset()
+) -> Job:
+    """The same job with other surfaces under the same points; caps that the solid does not use are left out.
+
+    Plumbed: floors that were moved to where no points are.
+    """
+    before = {index: job.patches[index] for index in plumbed if index < len(job.patches)}
     count = len(job.patches)
     moved = [replace(p, surface=s) for p, s in zip(job.guesses(rung), surfaces[count:], strict=True)]
     floors, rest = moved[: len(job.floors)], enumerate(moved[len(job.floors) :], start=count + len(job.floors))
     caps = tuple(c for i, c in rest if i in used)
-    return replace(with_patches_on(job, surfaces), floors=tuple(floors), caps=caps)
+    job = replace(with_patches_on(job, surfaces), floors=tuple(floors), caps=caps)
+    for index, floor in before.items():
+        job = replace(job, patches=tuple(with_floor(job.patches, index, floor)))
+    return job
 
 
 def _cleared(job: Job, surfaces: tuple[Surface, ...]) -> tuple[Surface, ...]:

@@ -29,10 +29,10 @@ def untold_floors(scene: Scene, structure: Structure, views: Views) -> list[int]
     if not found:
         return []
     shown, noise, poses = whole_images(views), prepare(views).noise, np.zeros((len(views.cameras), 3))
-    return [face for face in found if not _is_told(pit_of(scene, structure, shown, noise, poses, face, 0.0))]
+    return [face for face in found if not is_told(pit_of(scene, structure, shown, noise, poses, face, 0.0))]
 
 
-def _is_told(pit: Pit) -> bool:
+def is_told(pit: Pit) -> bool:
     """Whether views agree better about a floor than if it lay deeper."""
     if not len(pit.grey):
         return False

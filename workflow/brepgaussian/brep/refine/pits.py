@@ -93,6 +93,12 @@ class Pit:
         left = 1 - (1 + 2 * rays / (rays + _STIFFNESS)) / rays
         return np.minimum(difference / np.sqrt(np.maximum(left, 0.1))[where], _CAP) ** 2, told
 
+    @property
+    def height(self) -> float:
+        """By how much its walls are seen above its floor, unit frame."""
+        over = self.at @ self.normal
+        return float(np.ptp(over)) if len(over) else 0.0
+
     def advantage(self, before: Costs, after: Costs) -> float:
         """By how many standard errors rays that both tell of disagree less on the other."""
         return advantage(self.at, _PLACE_PX * self.footprint, before, after)
@@ -111,7 +117,14 @@ def floors(mesh: FaceMesh, structure: Structure) -> list[int]:
 
 
 def pit_of(
-    scene: Scene, structure: Structure, shown: Shown, noise: float, poses: Array, face: int, reach_px: float
+    scene: Scene,
+    structure: Structure,
+    shown: Shown,
+    noise: float,
+    poses: Array,
+    face: int,
+    reach_px: float,
+    whole: bool = False,
 ) -> Pit:
     """The pit whose floor is a face of a solid.
 
@@ -119,6 +132,7 @@ def pit_of(
         scene: its triangulation; structure: its faces and edges.
         shown: views and their greys; noise: of these, grey levels; poses: (V, 3) image corrections.
         reach_px: by how much higher its floor may be asked for, in footprints; deeper it is by two radii at most.
+        whole: whether it may be asked for all the way up.
     """
     mesh, cameras = scene.mesh, shown.views.cameras
     triangles = mesh.triangles[mesh.face == face]
@@ -132,7 +146,7 @@ def pit_of(
     hit = np.where(triangle >= 0, mesh.face[triangle], -1)
     points = centers + np.where(triangle >= 0, distance, 0.0)[:, None] * directions
     height = (points - middles[np.argmax(middles @ normal)]) @ normal
-    near = height < (reach_px + _BESIDE * _PLACE_PX) * cameras.footprint()
+    near = whole | (height < (reach_px + _BESIDE * _PLACE_PX) * cameras.footprint())
     kept = np.flatnonzero((hit == face) | (np.isin(hit, sorted(walls)) & near))
     below = Scene(_walls_below(mesh, triangles, max(2 * radius, reach_px * cameras.footprint()) * normal))
     on = hit[kept] == face

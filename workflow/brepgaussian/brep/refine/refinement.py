@@ -15,7 +15,7 @@ from brepgaussian.brep.refine.descent import WINDOWS, Run, descend, largest_move
 from brepgaussian.brep.refine.mesh import FaceMesh, follow
 from brepgaussian.brep.refine.observe import prepare, whole_images
 from brepgaussian.brep.refine.parameters import recentre
-from brepgaussian.brep.refine.plumb import plumbed
+from brepgaussian.brep.refine.plumb import plumbed, soundings_of
 from brepgaussian.brep.refine.regularity import given, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, residuals
@@ -48,6 +48,7 @@ class RefineResult:
         before: the acceptance test of the start.
         poses: (V, 3) image corrections du, dv (px), roll (rad); zero unless poses were freed.
         tone: (2,) tone coefficients, px.
+        plumbed: surfaces of floors that were moved away from their points, to where the rays into their pits meet them.
         report: JSON-able summary.
     """
 
@@ -61,6 +62,7 @@ class RefineResult:
     before: Acceptance
     poses: Array
     tone: Array
+    plumbed: frozenset[int] = frozenset()
     report: dict[str, Any] = field(default_factory=dict)
 
 
@@ -131,13 +133,14 @@ def _refine(
         firm = _solved(replace(start, prior=replace(prior, held=held | strayed)), settings)
         found = firm if _less_displaced(firm.after, found.after) else found
     run, after, ties, freed = found.run, found.after, found.ties, found.freed
+    moved: frozenset[int] = frozenset()
     if after.displaced is not None:  # else there is more amiss than depths
         if after.displaced.depths.told.any():
             other = sounded(run, after.displaced, ties, freed)
             verdict = other.test(settings)
             if _closer(verdict, after):
                 run, after = other, verdict
-        run, after = _plumbed(run, after, ties, freed, settings)
+        run, after, moved = _plumbed(run, after, ties, freed, settings)
     kept = better(after, before)
     result, verdict = (run, after) if kept else (start, before)
     report = {
@@ -164,6 +167,7 @@ def _refine(
         before=before,
         poses=result.state.poses,
         tone=result.state.tone,
+        plumbed=moved if kept else frozenset(),
         report=report,
     )
 
@@ -201,17 +205,24 @@ def _solved(start: Run, settings: BrepSettings) -> _Solved:
 
 def _plumbed(
     run: Run, after: Acceptance, ties: Sequence[Tie], freed: bool, settings: BrepSettings
-) -> tuple[Run, Acceptance]:
-    """The solid and its test, with floors moved to where all rays into their pits place them."""
+) -> tuple[Run, Acceptance, frozenset[int]]:
+    """The solid, its test, and the floors that were moved to where all rays into their pits place them."""
     floors = plumbed(run.scene, run.structure, whole_images(run.views), run.images.noise, run.state.poses)
-    if floors is None or after.displaced is None:
-        return run, after
-    places = Soundings.of(after.displaced.depths, run.structure, run.views.cameras.footprint())
-    told = frozenset(int(index) for index in floors.surface)
-    free = replace(run, prior=replace(run.prior, held=run.prior.held - told))
-    other, _ = descend(free, ties, WINDOWS[-1:], freed, places.joined(floors))
+    if not floors or after.displaced is None:
+        return run, after, frozenset()
+    footprint = run.views.cameras.footprint()
+    places = Soundings.of(after.displaced.depths, run.structure, footprint).joined(soundings_of(floors, footprint))
+
+    def lowered(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
+        moves = {index: floor.move for index, floor in floors.items()}
+        return tuple(replace(s, origin=s.origin + moves.get(index, 0.0)) for index, s in enumerate(surfaces))
+
+    # what a floor's edges and the points said is of where it was
+    prior = replace(run.prior, surfaces=lowered(run.prior.surfaces), held=run.prior.held - frozenset(floors))
+    free = replace(run, prior=prior).moved(replace(run.state, surfaces=lowered(run.state.surfaces)))
+    other, _ = descend(free, ties, WINDOWS[-1:], freed, places)
     verdict = other.test(settings)
-    return (other, verdict) if _no_worse(verdict, after) else (run, after)
+    return (other, verdict, frozenset(floors)) if _no_worse(verdict, after) else (run, after, frozenset())
 
 
 def _strayed(found: _Solved) -> frozenset[int]:

@@ -166,10 +166,10 @@ def _rectangles(prism: Prism, island: Prism) -> Iterator[Section]:
     at = cells @ axes.T  # (N, 2) along the walls
     free = np.ones((2, 2), bool)
     for axis in (0, 1):
-        for k, outward in enumerate((-1, 1)):
+        for k, sign in enumerate((-1, 1)):
             beside = cells[np.abs(at[:, axis] - ends[k, axis]) < BAND_CELLS]
             if np.median(away[tuple(beside.T)]) < _BORDER_CELLS:
-                ends[k, axis] += _IN_WALL_CELLS * outward
+                ends[k, axis] += _IN_WALL_CELLS * sign
                 free[k, axis] = False
     outward = np.where(free, [[-1.0], [1.0]], 0.0)
     moves = [_WIDER_CELLS if free[:, axis].any() else (0.0,) for axis in (0, 1)]

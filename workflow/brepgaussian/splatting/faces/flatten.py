@@ -195,7 +195,8 @@ def _carve(hull: Volume, faces: list[Face]) -> Volume:
         height = face.bulge + _SLACK_CELLS * hull.spacing
         outline = face.outline.copy()
         outline[face.outline] = ~standing(hull, face, face.outline, height)
-        hull = hull.without(Prism(face.lattice, outline, 0.0, False, 0.0), height)
+        if outline.any():
+            hull = hull.without(Prism(face.lattice, outline, 0.0, False, 0.0), height)
     return hull
 
 
