@@ -18,6 +18,7 @@ from brepgaussian.splatting.concave import (
     open_channels,
     open_concavities,
     open_corners,
+    open_notches,
     open_recesses,
     refilled,
     widen,
@@ -138,14 +139,15 @@ def carve(
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
+            planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
+            volume, notches = open_notches(images, volume, planes)
             uncut, volume = volume, open_corners(images, volume, [-face.lattice.normal for face in faces])
             cornered = volume
-            planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, more, bends = open_concavities(images, volume, planes, flat)
             volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces])
             # last: what rays tell goes before what is likely
             volume, wider = widen(images, volume, planes, more)
-            prisms += more + recesses + wider
+            prisms += notches + more + recesses + wider
             volume = refilled(images, uncut, cornered, volume, prisms)
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)

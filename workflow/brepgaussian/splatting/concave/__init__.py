@@ -10,6 +10,7 @@ from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.find import find_prisms
+from brepgaussian.splatting.concave.notches import open_notches
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
@@ -26,6 +27,7 @@ __all__ = [
     "open_channels",
     "open_concavities",
     "open_corners",
+    "open_notches",
     "open_recesses",
     "refilled",
     "widen",

@@ -138,17 +138,27 @@ def disagreements(
         Mean difference of a ray from its place, in tolerances, on each of them; and the number of rays whose places
         are met by enough others to tell anything.
     """
+    _, old, new, lost = changes(images, before, after, reach, rays)
+    left = float((1 - lost) * mean_cost(new) + lost * _CAP)
+    return mean_cost(old), left, min(int(old[1].sum()), int(new[1].sum()))
+
+
+def changes(
+    images: Images, before: Scene, after: Scene, reach: float, rays: Rays | None = None
+) -> tuple[Array, Costs, Costs, float]:
+    """What rays say of two surfaces, where these differ; arguments are those of `disagreements`.
+
+    Returns:
+        (N, 3) where rays hit the first one that hit the second one, too; (N,) their differences, in tolerances, on the
+        first and on the second, each with (N,) whether they tell any; the share of rays that miss the second.
+    """
     rays = rays_at_object(images) if rays is None else rays
     (first, normal), (second, inner), changed = _changed(rays, before, after, reach)
     missing = changed & ~np.isfinite(second)
     told = changed & ~missing
-    costs, telling = [], []
-    for distance, facing in ((first, normal), (second, inner)):
-        cost, enough = _differences_at(rays, told, distance, facing)
-        costs.append(mean_cost((cost, enough)))
-        telling.append(int(enough.sum()))
-    lost = missing.sum() / max(changed.sum(), 1)
-    return costs[0], float((1 - lost) * costs[1] + lost * _CAP), min(telling)
+    old, new = (_differences_at(rays, told, *hits) for hits in ((first, normal), (second, inner)))
+    at = rays.origin[told] + first[told, None] * rays.direction[told]
+    return at, old, new, float(missing.sum() / max(changed.sum(), 1))
 
 
 def one_surface(images: Images, before: Scene, after: Scene, reach: float) -> float:

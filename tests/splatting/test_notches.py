@@ -1,0 +1,61 @@
+"""Slots that two opposite faces show: cut through to their floors and corners, but for what stands in them."""
+
+import numpy as np
+import pytest
+from brepgaussian.splatting import hull as stage
+from brepgaussian.splatting.concave.notches import _notches, _stands
+from brepgaussian.splatting.concave.prism import Lattice, Prism
+from build123d import Align, Box, Pos, Rot
+from rendered import missed, rendered
+
+LOW = (Align.CENTER, Align.CENTER, Align.MIN)
+
+
+def comb():
+    """Four deep slots: no camera looks along their floors."""
+    part = Box(70, 50, 36, align=LOW)
+    for x in (-24, -8, 8, 24):
+        part -= Pos(x, 0, 9) * Box(6, 60, 40, align=LOW)
+    return Rot(0, 0, 11) * part
+
+
+def test_slots_between_fins_reach_their_floors(tmp_path, monkeypatch):
+    views, truth = rendered(tmp_path, comb(), 50, 600)
+    over, under = missed(views, truth)
+    monkeypatch.setattr(stage, "open_notches", lambda images, volume, planes: (volume, []))
+    before, _ = missed(views, truth)
+    assert over < 0.004 < before
+    assert under < 0.002
+
+
+@pytest.mark.parametrize("high", [8, 20])
+def test_what_stands_in_a_slot_stays(tmp_path, high):
+    """Both ends of the slot show nothing of it."""
+    part = Box(70, 60, 36, align=LOW) - Pos(4, 0, 9) * Box(34, 70, 40, align=LOW)
+    part += Pos(4, 6, 9) * Box(34, 9, high, align=LOW)
+    views, truth = rendered(tmp_path, part, 40, 500)
+    assert missed(views, truth)[1] < 0.006
+
+
+def test_a_slab_of_a_notch_about_which_views_agree_is_no_part_of_it():
+    lattice = Lattice(np.zeros(3), *np.eye(3), 0.01, (20, 20))
+    notch = Prism(lattice, np.ones((20, 20), bool), 1.0, True, 0.0)
+    at = np.column_stack([np.full((1200, 2), 0.1), -np.linspace(0, 0.999, 1200)])
+    before = np.full(1200, 0.5)
+    assert not _stands(notch, at, before, np.full(1200, 0.4))
+    rib = np.abs(at[:, 2] + 0.45) < 0.05
+    assert _stands(notch, at, np.where(rib, 0.2, before), np.where(rib, 1.2, 0.2))
+    few = rib & (np.arange(1200) % 10 == 0)  # tell next to nothing
+    kept = ~rib | few
+    assert not _stands(notch, at[kept], np.where(rib, 0.2, before)[kept], np.where(rib, 1.2, 0.2)[kept])
+
+
+def test_a_notch_is_open_to_the_side_of_its_face():
+    face = np.zeros((60, 80), bool)
+    face[5:55, 5:75] = True
+    face[5:35, 20:32] = False  # a notch
+    face[5:35, 40:44] = False  # too narrow to be told from blur
+    face[20:34, 54:68] = False  # a hole
+    (notch,) = _notches(face)
+    np.testing.assert_array_equal(np.argwhere(notch).min(axis=0), [5, 20])
+    np.testing.assert_array_equal(np.argwhere(notch).max(axis=0), [34, 31])

@@ -1,0 +1,175 @@
+"""Notches: what two opposite faces have in common that belongs to neither, and is open to their side, is cut through.
+
+Of a slot between fins silhouettes show the upper part; on its floor and in its corners a hull keeps what no camera
+looks along. Both end faces show its section to a pixel, whatever lies between them.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from skimage.morphology import convex_hull_image
+
+from brepgaussian.log import get_logger
+from brepgaussian.splatting.concave.agreement import changes, mean_cost
+from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
+from brepgaussian.splatting.concave.draw import fitted
+from brepgaussian.splatting.concave.openings import OPENING_CELLS, SURFACE_SHARE, Images, Stack, rectify
+from brepgaussian.splatting.concave.planes import PARALLEL, PlanarRegion, Plane, lattice_over, planar_regions
+from brepgaussian.splatting.concave.prism import Prism, carried
+from brepgaussian.splatting.concave.rims import rim_of
+from brepgaussian.splatting.concave.sweep import LEAST_AREA, LEAST_VOLUME_VOXELS, MOST_LOST
+from brepgaussian.splatting.concave.volume import Volume
+
+Array = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+_LEAST_WIDTH_CELLS = 2 * OPENING_CELLS + 1
+_COMMON = 0.85  # of what either face shows of a notch, the other one shows: edges are told to a cell or so
+_CONFIRMED = 0.5  # of a lid's cells views agree about, for it to be a face
+_AT_SIDE_CELLS = 3.0  # from where a face's convex hull ends: there a notch is open, and has no rim
+_TOLD = 0.5  # of its rim views show, for it to say more than the cells
+_REACH_VOXELS = 0.5  # rays that a cut changes by less don't judge it
+_LEAST_RAYS = 60
+_SLABS = 12  # of a notch along its length; what stands in it is as long as one at least
+_WORSE = 1.5  # times what rays disagree by, behind what stands in a slab: 2 to 7; in empty ones 1.2 at most
+_GAIN = 1.0  # a cut leaves at most this share of their disagreement: that both ends are open speaks for it
+
+logger = get_logger("stage1")
+
+
+def open_notches(images: Images, hull: Volume, planes: Sequence[Plane]) -> tuple[Volume, list[Prism]]:
+    """The hull without what is left of its notches, and these.
+
+    Args:
+        images: of all views.
+        hull: with its channels cut.
+        planes: of the faces that views have confirmed.
+    """
+    mesh = hull.mesh()
+    regions = [r.on(planes, *mesh, 2 * hull.spacing) for r in planar_regions(*mesh, 2 * hull.spacing, planes)]
+    regions = [r for r in regions if r.area(*mesh) >= LEAST_AREA]
+    faced = [(a, b) for a, b in combinations(regions, 2) if a.normal @ b.normal < -PARALLEL]
+    if not faced:
+        return hull, []
+    scene, footprint = hull.scene(), images.views.cameras.footprint()
+    seen: dict[int, Stack] = {}
+
+    def stack_of(region: PlanarRegion) -> Stack:
+        if id(region) not in seen:
+            seen[id(region)] = rectify(images, scene, lattice_over(region, mesh, footprint))
+        return seen[id(region)]
+
+    chords: Chords | None = None
+    done: list[Prism] = []
+    for first, second in faced:
+        length = float(first.offset + second.offset)
+        if length < 2 * hull.spacing:
+            continue
+        for prism in _between(images, stack_of(first), stack_of(second), length):
+            if any(_same(prism, other) for other in done):
+                continue
+            chords = chords_in(scene, *images.contour_rays) if chords is None else chords
+            opened = _cut(images, hull, prism, chords)
+            if opened is not None:
+                hull = opened
+                done.append(prism)
+    return hull, done
+
+
+def _between(images: Images, first: Stack, second: Stack, length: float) -> Iterator[Prism]:
+    """The notches that both of two opposite faces show, from the first one on."""
+    face, other = _face(first), _face(second)
+    if face is None or other is None:
+        return
+    across = list(_notches(other))
+    for notch in _notches(face):
+        there = carried(first.lattice, notch, second.lattice)
+        for candidate in across:
+            both = (there & candidate).sum()
+            if both >= _COMMON * max(there.sum(), candidate.sum()):
+                yield _drawn(images, first, face, Prism(first.lattice, notch, length, True, 0.0))
+
+
+def _face(stack: Stack) -> Cells | None:
+    """(R, C) cells about which views agree, if those are most of the hull's."""
+    agreed = stack.domain & (stack.agreement >= SURFACE_SHARE)
+    if agreed.sum() < _CONFIRMED * stack.domain.sum():
+        return None
+    return np.asarray(ndimage.binary_opening(ndimage.binary_closing(agreed)))
+
+
+def _notches(face: Cells) -> Iterator[Cells]:
+    """Regions (R, C) that a face leaves of its convex hull, open to its side."""
+    whole = convex_hull_image(face)
+    missing = ndimage.binary_opening(whole & ~face, iterations=OPENING_CELLS)
+    labels, count = ndimage.label(missing)
+    beside = ndimage.binary_dilation(~np.pad(whole, 1), iterations=2)[1:-1, 1:-1]
+    for k in range(1, count + 1):
+        notch = labels == k
+        if notch.sum() >= _LEAST_WIDTH_CELLS**2 and (notch & beside).any():
+            yield notch
+
+
+def _drawn(images: Images, stack: Stack, face: Cells, notch: Prism) -> Prism:
+    """A notch with the section that its cells are a drawing of, as exact as the views show its rim."""
+
+    def opened(cells: Cells) -> Cells:
+        return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
+
+    section = fitted(notch.outline, opened)
+    if section is None:
+        return notch
+    within = ndimage.distance_transform_edt(np.pad(convex_hull_image(face), 1))[1:-1, 1:-1]
+
+    def at_side(places: Array) -> Cells:
+        return np.asarray(ndimage.map_coordinates(within, places.T, order=1, mode="nearest") < _AT_SIDE_CELLS)
+
+    centers = images.views.cameras.centers
+    rim = rim_of(section, stack, centers, images.tolerance, _TOLD, at_side)
+    told = rim is not None and rim.told >= _TOLD and rim.section.at_rim
+    return replace(notch, section=rim.section if rim is not None and told else None)
+
+
+def _same(prism: Prism, other: Prism) -> bool:
+    """Whether two notches are one, told by other faces."""
+    if abs(prism.lattice.normal @ other.lattice.normal) < PARALLEL:
+        return False
+    there = carried(prism.lattice, prism.outline, other.lattice)
+    return bool((there & other.outline).sum() >= _COMMON * min(there.sum(), other.outline.sum()))
+
+
+def _cut(images: Images, hull: Volume, prism: Prism, chords: Chords) -> Volume | None:
+    """The hull without it; None if little goes, silhouettes stay filled no more, or views agree about it less."""
+    margin = hull.margin(prism)
+    opened = hull.without(prism, margin)
+    gone = float(np.count_nonzero((hull.field > 0) & (opened.field <= 0)))
+    if gone < LEAST_VOLUME_VOXELS:
+        return None
+    lost = lost_share(chords, prism.contains(chords.samples(), margin))
+    at, before, after, missing = changes(images, hull.scene(), opened.scene(), _REACH_VOXELS * hull.spacing)
+    old, new, told = mean_cost(before), mean_cost(after), before[1] & after[1]
+    good = lost <= MOST_LOST and missing <= MOST_LOST and (told.sum() < _LEAST_RAYS or new <= _GAIN * old)
+    good = good and not _stands(prism, at[told], before[0][told], after[0][told])
+    logger.info(
+        "notch of area %.4f, normal %s, %s, %.0f voxels: %.1f %% of the rays lost, views disagree by %.2f for %.2f, "
+        "%d rays%s", prism.area, np.round(prism.lattice.normal, 2).tolist(), prism.section and prism.section.shape,
+        gone, 100 * lost, new, old, told.sum(), "" if good else ": not believed",
+    )  # fmt: skip
+    return opened if good else None
+
+
+def _stands(prism: Prism, at: Array, before: Array, after: Array) -> bool:
+    """Whether something stands in a notch somewhere along it, which neither of its ends shows.
+
+    Args:
+        prism: the notch.
+        at: (N, 3) of rays on what would go; before, after: (N,) by how much views disagree on it, and behind it.
+    """
+    slab = np.clip(-prism.lattice.coordinates(at)[1] / prism.depth * _SLABS, 0, _SLABS - 1).astype(int)
+    rays = np.bincount(slab, minlength=_SLABS)
+    old, new = (np.bincount(slab, costs, _SLABS) for costs in (before, after))
+    return bool(((rays >= _LEAST_RAYS // 2) & (new > _WORSE * old)).any())
