@@ -6,6 +6,7 @@ well; so bosses of one height are asked together.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -100,13 +101,15 @@ def _of_a_kind(rims: Sequence[Sequence[Rim]], islands: Sequence[Prism]) -> list[
             for some, island in zip(rims, islands, strict=True)
             if abs(island.depth - islands[k].depth) <= LEVEL_CELLS * islands[k].lattice.pitch
         ]
-        shared = {
-            id(rim): [sum(_as_well(rim, some) > 0 for some in level), sum(_as_well(rim, some) for some in level)]
-            for rim in rims[k]
-            if rim.told >= _AS_WELL * own.told
-        }
-        best[k] = max((rim for rim in rims[k] if id(rim) in shared), key=lambda rim: shared[id(rim)])
+        about = [rim for rim in rims[k] if rim.told >= _AS_WELL * own.told]
+        best[k] = max(about, key=partial(_support, bosses=level))
     return best
+
+
+def _support(rim: Rim, bosses: Sequence[Sequence[Rim]]) -> tuple[int, float]:
+    """How many bosses tell a rim like this, and by which shares of it altogether."""
+    told = [_as_well(rim, some) for some in bosses]
+    return int(np.count_nonzero(told)), sum(told)
 
 
 def _as_well(rim: Rim, others: Sequence[Rim]) -> float:

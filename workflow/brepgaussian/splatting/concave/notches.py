@@ -5,7 +5,7 @@ looks along. Both end faces show its section to a pixel, whatever lies between t
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +18,7 @@ from brepgaussian.splatting.concave.agreement import changes, mean_cost
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
 from brepgaussian.splatting.concave.draw import fitted
 from brepgaussian.splatting.concave.openings import OPENING_CELLS, SURFACE_SHARE, Images, Stack, rectify
-from brepgaussian.splatting.concave.planes import PARALLEL, PlanarRegion, Plane, lattice_over, planar_regions
+from brepgaussian.splatting.concave.planes import PARALLEL, Plane, lattice_over, planar_regions
 from brepgaussian.splatting.concave.prism import Prism, carried
 from brepgaussian.splatting.concave.rims import rim_of
 from brepgaussian.splatting.concave.sweep import LEAST_AREA, LEAST_VOLUME_VOXELS, MOST_LOST
@@ -56,20 +56,17 @@ def open_notches(images: Images, hull: Volume, planes: Sequence[Plane]) -> tuple
     if not faced:
         return hull, []
     scene, footprint = hull.scene(), images.views.cameras.footprint()
-    seen: dict[int, Stack] = {}
-
-    def stack_of(region: PlanarRegion) -> Stack:
+    seen: dict[int, _Shown] = {}
+    for region in (region for pair in faced for region in pair):
         if id(region) not in seen:
-            seen[id(region)] = rectify(images, scene, lattice_over(region, mesh, footprint))
-        return seen[id(region)]
-
+            seen[id(region)] = _shown(rectify(images, scene, lattice_over(region, mesh, footprint)))
     chords: Chords | None = None
     done: list[Prism] = []
     for first, second in faced:
         length = float(first.offset + second.offset)
         if length < 2 * hull.spacing:
             continue
-        for prism in _between(images, stack_of(first), stack_of(second), length):
+        for prism in _between(images, seen[id(first)], seen[id(second)], length):
             if any(_same(prism, other) for other in done):
                 continue
             chords = chords_in(scene, *images.contour_rays) if chords is None else chords
@@ -80,26 +77,31 @@ def open_notches(images: Images, hull: Volume, planes: Sequence[Plane]) -> tuple
     return hull, done
 
 
-def _between(images: Images, first: Stack, second: Stack, length: float) -> Iterator[Prism]:
-    """The notches that both of two opposite faces show, from the first one on."""
-    face, other = _face(first), _face(second)
-    if face is None or other is None:
-        return
-    across = list(_notches(other))
-    for notch in _notches(face):
-        there = carried(first.lattice, notch, second.lattice)
-        for candidate in across:
-            both = (there & candidate).sum()
-            if both >= _COMMON * max(there.sum(), candidate.sum()):
-                yield _drawn(images, first, face, Prism(first.lattice, notch, length, True, 0.0))
+@dataclass(frozen=True)
+class _Shown:
+    """A face as views show it: (R, C) cells about which they agree, of a lattice, and the notches in it."""
+
+    stack: Stack
+    face: Cells
+    notches: list[Cells]
 
 
-def _face(stack: Stack) -> Cells | None:
-    """(R, C) cells about which views agree, if those are most of the hull's."""
+def _shown(stack: Stack) -> _Shown:
+    """What views show on the lid of a hull: no notches if they do not agree about most of it."""
     agreed = stack.domain & (stack.agreement >= SURFACE_SHARE)
-    if agreed.sum() < _CONFIRMED * stack.domain.sum():
-        return None
-    return np.asarray(ndimage.binary_opening(ndimage.binary_closing(agreed)))
+    face = np.asarray(ndimage.binary_opening(ndimage.binary_closing(agreed)))
+    sure = agreed.sum() >= _CONFIRMED * stack.domain.sum() and face.any()
+    return _Shown(stack, face, list(_notches(face)) if sure else [])
+
+
+def _between(images: Images, first: _Shown, second: _Shown, length: float) -> Iterator[Prism]:
+    """The notches that both of two opposite faces show, from the first one on."""
+    lattice = first.stack.lattice
+    for notch in first.notches:
+        there = carried(lattice, notch, second.stack.lattice)
+        for candidate in second.notches:
+            if (there & candidate).sum() >= _COMMON * max(there.sum(), candidate.sum()):
+                yield _drawn(images, first, Prism(lattice, notch, length, True, 0.0))
 
 
 def _notches(face: Cells) -> Iterator[Cells]:
@@ -114,7 +116,7 @@ def _notches(face: Cells) -> Iterator[Cells]:
             yield notch
 
 
-def _drawn(images: Images, stack: Stack, face: Cells, notch: Prism) -> Prism:
+def _drawn(images: Images, shown: _Shown, notch: Prism) -> Prism:
     """A notch with the section that its cells are a drawing of, as exact as the views show its rim."""
 
     def opened(cells: Cells) -> Cells:
@@ -123,13 +125,13 @@ def _drawn(images: Images, stack: Stack, face: Cells, notch: Prism) -> Prism:
     section = fitted(notch.outline, opened)
     if section is None:
         return notch
-    within = ndimage.distance_transform_edt(np.pad(convex_hull_image(face), 1))[1:-1, 1:-1]
+    within = ndimage.distance_transform_edt(np.pad(convex_hull_image(shown.face), 1))[1:-1, 1:-1]
 
     def at_side(places: Array) -> Cells:
         return np.asarray(ndimage.map_coordinates(within, places.T, order=1, mode="nearest") < _AT_SIDE_CELLS)
 
     centers = images.views.cameras.centers
-    rim = rim_of(section, stack, centers, images.tolerance, _TOLD, at_side)
+    rim = rim_of(section, shown.stack, centers, images.tolerance, _TOLD, at_side)
     told = rim is not None and rim.told >= _TOLD and rim.section.at_rim
     return replace(notch, section=rim.section if rim is not None and told else None)
 
