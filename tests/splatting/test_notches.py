@@ -1,12 +1,16 @@
 """Slots that two opposite faces show: cut through to their floors and corners, but for what stands in them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from brepgaussian.splatting import hull as stage
-from brepgaussian.splatting.concave.notches import _notches, _stands
+from brepgaussian.splatting.concave import notches
+from brepgaussian.splatting.concave.notches import _drawn, _notches, _Shown, _stands
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from build123d import Align, Box, Pos, Rot
 from rendered import missed, rendered
+from scipy.ndimage import distance_transform_edt
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 
@@ -35,6 +39,21 @@ def test_what_stands_in_a_slot_stays(tmp_path, high):
     part += Pos(4, 6, 9) * Box(34, 9, high, align=LOW)
     views, truth = rendered(tmp_path, part, 40, 500)
     assert missed(views, truth)[1] < 0.006
+
+
+def test_cells_of_a_notch_without_a_section_keep_clear_of_the_blur_along_its_face(monkeypatch):
+    """Not of the side where it is open."""
+    face = np.ones((40, 60), bool)
+    rows, columns = np.indices(face.shape)
+    face[np.abs(columns - 30) < 12 - 0.7 * np.minimum(rows, 16)] = False  # a gap between teeth
+    lattice = Lattice(np.zeros(3), *np.eye(3), 0.01, face.shape)
+    (notch,) = _notches(face)
+    monkeypatch.setattr(notches, "fitted", lambda outline, opened: None)
+    drawn = _drawn(None, _Shown(SimpleNamespace(lattice=lattice), face, [notch]), Prism(lattice, notch, 1.0, True, 0.0))
+    away = distance_transform_edt(~face)
+    assert away[drawn.outline].min() > 1.5
+    assert drawn.outline[0].any()
+    assert (notch & (away > 4) & ~drawn.outline).sum() == 0
 
 
 def test_a_slab_of_a_notch_about_which_views_agree_is_no_part_of_it():

@@ -21,7 +21,7 @@ from brepgaussian.splatting.concave.openings import OPENING_CELLS, SURFACE_SHARE
 from brepgaussian.splatting.concave.planes import PARALLEL, Plane, lattice_over, planar_regions
 from brepgaussian.splatting.concave.prism import Prism, carried
 from brepgaussian.splatting.concave.rims import rim_of
-from brepgaussian.splatting.concave.sweep import LEAST_AREA, LEAST_VOLUME_VOXELS, MOST_LOST
+from brepgaussian.splatting.concave.sweep import LEAST_AREA, MOST_LOST
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
@@ -29,9 +29,11 @@ Cells = NDArray[np.bool_]
 
 _LEAST_WIDTH_CELLS = 2 * OPENING_CELLS + 1
 _COMMON = 0.85  # of what either face shows of a notch, the other one shows: edges are told to a cell or so
+_BLUR_CELLS = 2  # along its edges views seem to disagree about a face: cells of a notch are 1.5 to 3 too many
 _CONFIRMED = 0.5  # of a lid's cells views agree about, for it to be a face
 _AT_SIDE_CELLS = 3.0  # from where a face's convex hull ends: there a notch is open, and has no rim
 _TOLD = 0.5  # of its rim views show, for it to say more than the cells
+_LEAST_VOXELS = 100  # of what is left of a notch, to be worth a try
 _REACH_VOXELS = 0.5  # rays that a cut changes by less don't judge it
 _LEAST_RAYS = 60
 _SLABS = 12  # of a notch along its length; what stands in it is as long as one at least
@@ -122,9 +124,11 @@ def _drawn(images: Images, shown: _Shown, notch: Prism) -> Prism:
     def opened(cells: Cells) -> Cells:
         return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
 
+    clear = notch.outline & ~ndimage.binary_dilation(shown.face, iterations=_BLUR_CELLS)
+    told = replace(notch, outline=clear if clear.any() else notch.outline)  # by its cells
     section = fitted(notch.outline, opened)
     if section is None:
-        return notch
+        return told
     within = ndimage.distance_transform_edt(np.pad(convex_hull_image(shown.face), 1))[1:-1, 1:-1]
 
     def at_side(places: Array) -> Cells:
@@ -132,8 +136,9 @@ def _drawn(images: Images, shown: _Shown, notch: Prism) -> Prism:
 
     centers = images.views.cameras.centers
     rim = rim_of(section, shown.stack, centers, images.tolerance, _TOLD, at_side)
-    told = rim is not None and rim.told >= _TOLD and rim.section.at_rim
-    return replace(notch, section=rim.section if rim is not None and told else None)
+    if rim is None or rim.told < _TOLD or not rim.section.at_rim:
+        return told
+    return replace(notch, section=rim.section)
 
 
 def _same(prism: Prism, other: Prism) -> bool:
@@ -149,7 +154,7 @@ def _cut(images: Images, hull: Volume, prism: Prism, chords: Chords) -> Volume |
     margin = hull.margin(prism)
     opened = hull.without(prism, margin)
     gone = float(np.count_nonzero((hull.field > 0) & (opened.field <= 0)))
-    if gone < LEAST_VOLUME_VOXELS:
+    if gone < _LEAST_VOXELS:
         return None
     lost = lost_share(chords, prism.contains(chords.samples(), margin))
     at, before, after, missing = changes(images, hull.scene(), opened.scene(), _REACH_VOXELS * hull.spacing)
