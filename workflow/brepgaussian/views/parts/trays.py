@@ -82,6 +82,19 @@ def notched_pan(s: Sizes) -> Part:
     return body - Pos(radius, 0, high * 0.6) * Box(radius, s(14), BEYOND, align=BOTTOM)
 
 
+def relay_base(s: Sizes) -> Part:
+    """A base with two eared holes, a round and a square post in its pocket, and a notch in the pocket's rim."""
+    length, width, high, floor, wall = s(64, 0.1), s(48, 0.1), s(22), s(5), s(6)
+    ears = length + s(30, 0.1)
+    body = Box(ears, s(26), floor, align=BOTTOM) + Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Box(length - 2 * wall, width - 2 * wall, BEYOND, align=BOTTOM)
+    body += Pos(-length * 0.2, width * 0.08, floor) * Cylinder(s(5, 0.1), s(9), align=BOTTOM)
+    body += Pos(length * 0.18, -width * 0.06, floor) * Box(s(10), s(9), s(7), align=BOTTOM)
+    for x in (-1, 1):
+        body -= Pos(x * (length + ears) / 4, 0, 0) * Cylinder(s(3, 0.1), BEYOND)
+    return body - Pos(0, -width / 2, high * 0.55) * Box(s(14), 4 * wall, BEYOND, align=BOTTOM)
+
+
 def slotted_cup(s: Sizes) -> Part:
     """A round cup on a hexagon, with a slot in its wall and three holes through its floor."""
     radius, high, foot, floor, wall = s(26, 0.08), s(34), s(8, 0.1), s(10, 0.1), s(5, 0.1)
