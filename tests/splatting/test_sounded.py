@@ -23,9 +23,10 @@ def hole() -> Prism:
     return Prism(lattice, outline, 0.2, False, 0.0, section=section)
 
 
-def testfiner_cells_draw_the_same_section():
+def test_finer_cells_draw_the_same_section():
     prism = hole()
-    fine, inside = finer(prism)
+    fine, places, inside = finer(prism)
+    np.testing.assert_allclose(prism.lattice.coordinates(fine.centers()[3, 5][None])[0][0], places[3, 5], atol=1e-9)
     assert abs(inside.sum() * fine.pitch**2 - np.pi * 0.082**2) < 0.02 * np.pi * 0.082**2
     middle = fine.centers()[inside].mean(axis=0)
     assert np.allclose(middle, prism.lattice.centers()[prism.outline].mean(axis=0), atol=1e-9)
