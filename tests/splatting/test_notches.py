@@ -11,6 +11,7 @@ from brepgaussian.splatting.concave.prism import Lattice, Prism
 from build123d import Align, Box, Pos, Rot
 from rendered import missed, rendered
 from scipy.ndimage import distance_transform_edt
+from skimage.morphology import convex_hull_image
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 
@@ -47,9 +48,12 @@ def test_cells_of_a_notch_without_a_section_keep_clear_of_the_blur_along_its_fac
     rows, columns = np.indices(face.shape)
     face[np.abs(columns - 30) < 12 - 0.7 * np.minimum(rows, 16)] = False  # a gap between teeth
     lattice = Lattice(np.zeros(3), *np.eye(3), 0.01, face.shape)
-    (notch,) = _notches(face)
+    whole = convex_hull_image(face)
+    (notch,) = _notches(face, whole)
     monkeypatch.setattr(notches, "fitted", lambda outline, opened: None)
-    drawn = _drawn(None, _Shown(SimpleNamespace(lattice=lattice), face, [notch]), Prism(lattice, notch, 1.0, True, 0.0))
+    drawn = _drawn(
+        None, _Shown(SimpleNamespace(lattice=lattice), face, whole, [notch]), Prism(lattice, notch, 1.0, True, 0.0)
+    )
     away = distance_transform_edt(~face)
     assert away[drawn.outline].min() > 1.5
     assert drawn.outline[0].any()
@@ -75,6 +79,6 @@ def test_a_notch_is_open_to_the_side_of_its_face():
     face[5:35, 20:32] = False  # a notch
     face[5:35, 40:44] = False  # too narrow to be told from blur
     face[20:34, 54:68] = False  # a hole
-    (notch,) = _notches(face)
+    (notch,) = _notches(face, convex_hull_image(face))
     np.testing.assert_array_equal(np.argwhere(notch).min(axis=0), [5, 20])
     np.testing.assert_array_equal(np.argwhere(notch).max(axis=0), [34, 31])

@@ -126,13 +126,12 @@ def with_floor(patches: Sequence[Patch], index: int, before: Patch) -> Iterator[
     """
     floor = patches[index]
     moved = floor.surface.project(before.xyz)
-    under = cKDTree(moved)
+    under, reach = cKDTree(moved), NEARBY * floor.reach
     for k, patch in enumerate(patches):
-        below = floor.surface.signed_distance(patch.xyz) < -floor.reach
-        between = below & (before.surface.signed_distance(patch.xyz) > -before.reach)
-        reach = NEARBY * floor.reach
-        gone = between & (under.query(floor.surface.project(patch.xyz), distance_upper_bound=reach)[0] < reach)
         if k == index:
             yield supported(patch, floor.surface, moved, before.normals)
-        else:
-            yield supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone]) if gone.any() else patch
+            continue
+        below = floor.surface.signed_distance(patch.xyz) < -floor.reach
+        between = below & (before.surface.signed_distance(patch.xyz) > -before.reach)
+        gone = between & (under.query(floor.surface.project(patch.xyz), distance_upper_bound=reach)[0] < reach)
+        yield supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone]) if gone.any() else patch

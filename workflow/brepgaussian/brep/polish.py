@@ -1,7 +1,7 @@
 """The seam to the refinement: surfaces made exact by the images, the solid rebuilt with the same topology."""
 
 from collections import Counter
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -90,8 +90,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             best = _polished(attempt, notes, structure, test, job, footprint)
             if same:
                 break
-            used = {f.surface for f in result.structure.faces}
-            job = with_surfaces(job, rung, result.surfaces, used, result.plumbed)
+            job = with_surfaces(job, rung, result)
     except (WorkerError, BrepGaussianError, ValueError, ArithmeticError, RuntimeError, IndexError) as error:
         log.warning("no refinement: %s", error)
         best = best or Polished(attempt, {"refined": False})
@@ -167,8 +166,7 @@ def _rebuilt(
     from brepgaussian.brep.refine import acceptance
 
     settings = job.settings
-    used = {f.surface for f in result.structure.faces}
-    moved = with_surfaces(job, rung, result.surfaces, used, result.plumbed)
+    moved = with_surfaces(job, rung, result)
     own = (result.mesh, result.structure, result.surfaces, moved, rung)
     calls: list[tuple[str, tuple[Any, ...]]] = [("assemble:attempt", (moved, rung))]
     if not job.blends:  # fillets are rolled on the faces themselves
@@ -212,15 +210,14 @@ def _as_good(test: Any, result: Any, same: bool) -> bool:
     return bool(test.mask_iou > result.before.mask_iou and not test.silhouette_px > result.before.silhouette_px)
 
 
-def with_surfaces(
-    job: Job, rung: Rung, surfaces: tuple[Surface, ...], used: set[int], plumbed: Set[int] = frozenset()
-) -> Job:
-    """The same job with other surfaces under the same points; caps that the solid does not use are left out.
+def with_surfaces(job: Job, rung: Rung, result: Any) -> Job:
+    """The same job with refined surfaces under the same points; caps that the solid does not use are left out.
 
-    Plumbed: floors that were moved to where no points are.
+    Points of floors that were moved to where none are, and those of walls below, follow.
     """
-    before = {index: job.patches[index] for index in plumbed if index < len(job.patches)}
-    count = len(job.patches)
+    surfaces, count = result.surfaces, len(job.patches)
+    used = {f.surface for f in result.structure.faces}
+    before = {index: job.patches[index] for index in result.plumbed if index < count}
     moved = [replace(p, surface=s) for p, s in zip(job.guesses(rung), surfaces[count:], strict=True)]
     floors, rest = moved[: len(job.floors)], enumerate(moved[len(job.floors) :], start=count + len(job.floors))
     caps = tuple(c for i, c in rest if i in used)

@@ -17,10 +17,11 @@ from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import changes, mean_cost
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
 from brepgaussian.splatting.concave.draw import fitted
-from brepgaussian.splatting.concave.openings import OPENING_CELLS, SURFACE_SHARE, Images, Stack, rectify
+from brepgaussian.splatting.concave.openings import OPENING_CELLS, SURFACE_SHARE, Images, Stack, opened, rectify
 from brepgaussian.splatting.concave.planes import PARALLEL, Plane, lattice_over, planar_regions
 from brepgaussian.splatting.concave.prism import Prism, carried
 from brepgaussian.splatting.concave.rims import rim_of
+from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sweep import LEAST_AREA, MOST_LOST
 from brepgaussian.splatting.concave.volume import Volume
 
@@ -54,37 +55,36 @@ def open_notches(images: Images, hull: Volume, planes: Sequence[Plane]) -> tuple
     mesh = hull.mesh()
     regions = [r.on(planes, *mesh, 2 * hull.spacing) for r in planar_regions(*mesh, 2 * hull.spacing, planes)]
     regions = [r for r in regions if r.area(*mesh) >= LEAST_AREA]
-    faced = [(a, b) for a, b in combinations(regions, 2) if a.normal @ b.normal < -PARALLEL]
+    apart = [(a, b, float(a.offset + b.offset)) for a, b in combinations(regions, 2) if a.normal @ b.normal < -PARALLEL]
+    faced = [(a, b, length) for a, b, length in apart if length >= 2 * hull.spacing]
     if not faced:
         return hull, []
-    scene, footprint = hull.scene(), images.views.cameras.footprint()
+    scene, footprint = Scene(*mesh), images.views.cameras.footprint()
     seen: dict[int, _Shown] = {}
-    for region in (region for pair in faced for region in pair):
+    for region in (region for first, second, _ in faced for region in (first, second)):
         if id(region) not in seen:
             seen[id(region)] = _shown(rectify(images, scene, lattice_over(region, mesh, footprint)))
     chords: Chords | None = None
     done: list[Prism] = []
-    for first, second in faced:
-        length = float(first.offset + second.offset)
-        if length < 2 * hull.spacing:
-            continue
+    for first, second, length in faced:
         for prism in _between(images, seen[id(first)], seen[id(second)], length):
             if any(_same(prism, other) for other in done):
                 continue
             chords = chords_in(scene, *images.contour_rays) if chords is None else chords
-            opened = _cut(images, hull, prism, chords)
-            if opened is not None:
-                hull = opened
+            cut = _cut(images, hull, scene, prism, chords)
+            if cut is not None:
+                hull, scene = cut
                 done.append(prism)
     return hull, done
 
 
 @dataclass(frozen=True)
 class _Shown:
-    """A face as views show it: (R, C) cells about which they agree, of a lattice, and the notches in it."""
+    """A face as views show it: (R, C) cells about which they agree, their convex hull, and the notches in it."""
 
     stack: Stack
     face: Cells
+    whole: Cells
     notches: list[Cells]
 
 
@@ -93,7 +93,8 @@ def _shown(stack: Stack) -> _Shown:
     agreed = stack.domain & (stack.agreement >= SURFACE_SHARE)
     face = np.asarray(ndimage.binary_opening(ndimage.binary_closing(agreed)))
     sure = agreed.sum() >= _CONFIRMED * stack.domain.sum() and face.any()
-    return _Shown(stack, face, list(_notches(face)) if sure else [])
+    whole = convex_hull_image(face) if sure else np.zeros_like(face)
+    return _Shown(stack, face, whole, list(_notches(face, whole)))
 
 
 def _between(images: Images, first: _Shown, second: _Shown, length: float) -> Iterator[Prism]:
@@ -106,11 +107,9 @@ def _between(images: Images, first: _Shown, second: _Shown, length: float) -> It
                 yield _drawn(images, first, Prism(lattice, notch, length, True, 0.0))
 
 
-def _notches(face: Cells) -> Iterator[Cells]:
+def _notches(face: Cells, whole: Cells) -> Iterator[Cells]:
     """Regions (R, C) that a face leaves of its convex hull, open to its side."""
-    whole = convex_hull_image(face)
-    missing = ndimage.binary_opening(whole & ~face, iterations=OPENING_CELLS)
-    labels, count = ndimage.label(missing)
+    labels, count = ndimage.label(opened(whole & ~face))
     beside = ndimage.binary_dilation(~np.pad(whole, 1), iterations=2)[1:-1, 1:-1]
     for k in range(1, count + 1):
         notch = labels == k
@@ -121,15 +120,12 @@ def _notches(face: Cells) -> Iterator[Cells]:
 def _drawn(images: Images, shown: _Shown, notch: Prism) -> Prism:
     """A notch with the section that its cells are a drawing of, as exact as the views show its rim."""
 
-    def opened(cells: Cells) -> Cells:
-        return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
-
     clear = notch.outline & ~ndimage.binary_dilation(shown.face, iterations=_BLUR_CELLS)
     told = replace(notch, outline=clear if clear.any() else notch.outline)  # by its cells
     section = fitted(notch.outline, opened)
     if section is None:
         return told
-    within = ndimage.distance_transform_edt(np.pad(convex_hull_image(shown.face), 1))[1:-1, 1:-1]
+    within = ndimage.distance_transform_edt(np.pad(shown.whole, 1))[1:-1, 1:-1]
 
     def at_side(places: Array) -> Cells:
         return np.asarray(ndimage.map_coordinates(within, places.T, order=1, mode="nearest") < _AT_SIDE_CELLS)
@@ -149,15 +145,16 @@ def _same(prism: Prism, other: Prism) -> bool:
     return bool((there & other.outline).sum() >= _COMMON * min(there.sum(), other.outline.sum()))
 
 
-def _cut(images: Images, hull: Volume, prism: Prism, chords: Chords) -> Volume | None:
-    """The hull without it; None if little goes, silhouettes stay filled no more, or views agree about it less."""
+def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chords) -> tuple[Volume, Scene] | None:
+    """The hull without it, and its surface; None if little goes, silhouettes lose rays, or views agree less."""
     margin = hull.margin(prism)
-    opened = hull.without(prism, margin)
-    gone = float(np.count_nonzero((hull.field > 0) & (opened.field <= 0)))
+    left = hull.without(prism, margin)
+    gone = float(np.count_nonzero((hull.field > 0) & (left.field <= 0)))
     if gone < _LEAST_VOXELS:
         return None
     lost = lost_share(chords, prism.contains(chords.samples(), margin))
-    at, before, after, missing = changes(images, hull.scene(), opened.scene(), _REACH_VOXELS * hull.spacing)
+    behind = left.scene()
+    at, before, after, missing = changes(images, scene, behind, _REACH_VOXELS * hull.spacing)
     old, new, told = mean_cost(before), mean_cost(after), before[1] & after[1]
     good = lost <= MOST_LOST and missing <= MOST_LOST and (told.sum() < _LEAST_RAYS or new <= _GAIN * old)
     good = good and not _stands(prism, at[told], before[0][told], after[0][told])
@@ -166,7 +163,7 @@ def _cut(images: Images, hull: Volume, prism: Prism, chords: Chords) -> Volume |
         "%d rays%s", prism.area, np.round(prism.lattice.normal, 2).tolist(), prism.section and prism.section.shape,
         gone, 100 * lost, new, old, told.sum(), "" if good else ": not believed",
     )  # fmt: skip
-    return opened if good else None
+    return (left, behind) if good else None
 
 
 def _stands(prism: Prism, at: Array, before: Array, after: Array) -> bool:

@@ -211,6 +211,11 @@ def _against(shown: NDArray[np.uint8]) -> Array:
     return np.asarray(np.where(seen >= _LEAST_VIEWS, against / np.maximum(seen, 1), 0))
 
 
+def opened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(R, C) without what is too narrow to be told from blur; it rounds corners, too."""
+    return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
+
+
 def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     """(R, C) outlines of the regions where the lid is refuted."""
     share, region = stack.against, stack.refuted
@@ -218,11 +223,10 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     # what the views agree on within an opening may be its floor, or an island as high as the lid: both are tried
     holes, _ = ndimage.label(filled & ~region)
     island = np.bincount(holes.ravel())[holes] * stack.lattice.pitch**2 >= least_area
-    island = ndimage.binary_opening(island & (holes > 0), iterations=OPENING_CELLS)
+    island = opened(island & (holes > 0))
     outlines: list[NDArray[np.bool_]] = []
     for candidate in [filled] if not island.any() else [filled, filled & ~island]:
-        opened = ndimage.binary_opening(candidate, iterations=OPENING_CELLS)
-        labels, count = ndimage.label(opened)
+        labels, count = ndimage.label(opened(candidate))
         found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
         outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
     outlines += _surer(stack, outlines)
@@ -234,7 +238,7 @@ def _surer(stack: Stack, outlines: Sequence[NDArray[np.bool_]]) -> list[NDArray[
     if not outlines:
         return []
     sure = ndimage.binary_fill_holes(stack.refuted_by(_SURELY_SHARE)) & stack.domain
-    labels, count = ndimage.label(ndimage.binary_opening(sure, iterations=OPENING_CELLS))
+    labels, count = ndimage.label(opened(sure))
     found = (labels == k for k in range(1, count + 1))
     whole = [o.sum() for o in outlines]
     return [

@@ -110,13 +110,15 @@ def _past_islands(
         fine, places, inside: see `finer`.
         deepest: of floors that are tried, cells.
     """
+    if not prism.islands:
+        return rays
+    wall, past = exits(rays, inside, deepest), np.ones(len(rays), bool)
     for island in prism.islands:
-        wall = exits(rays, inside, deepest)
         top = (prism.depth - island.depth) / fine.pitch
         free = island.lateral(places.reshape(-1, 2)).reshape(inside.shape) > _BLUR_CELLS * prism.lattice.pitch
         met = exits(replace(rays, entry=np.full(len(rays), top)), free, deepest)
-        rays = rays.chosen((met >= wall) | (wall <= top))
-    return rays
+        past &= (met >= wall) | (wall <= top)
+    return rays.chosen(past)
 
 
 def finer(prism: Prism) -> tuple[Lattice, Array, NDArray[np.bool_]]:

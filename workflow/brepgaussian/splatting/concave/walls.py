@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.draw import MOST_FAR, circle_about, fitted
 from brepgaussian.splatting.concave.drilled import is_narrow
-from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, rectify
+from brepgaussian.splatting.concave.openings import Images, opened, rectify
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rims import at_rim
 from brepgaussian.splatting.concave.scene import Scene
@@ -63,9 +62,6 @@ def drawn(images: Images, scene: Scene, hull: Volume, prism: Prism, margin: floa
         prism: the concavity.
         margin: by which it is cut longer.
     """
-
-    def opened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return np.asarray(ndimage.binary_opening(cells, iterations=OPENING_CELLS))
 
     if prism.section is not None and is_narrow(prism.outline):
         return prism  # found by its rim
