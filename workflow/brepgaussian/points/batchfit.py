@@ -18,6 +18,14 @@ Array = NDArray[np.float64]
 _STEP = 1e-5  # numeric derivatives: lengths in the unit frame, angles in radians
 KNEE = 4.0  # of a node's cost: a misfit of two standard deviations in each of two directions
 SHADING_CAP = 6.0  # of the squared residual of a gradient: shadows and highlights are no proof
+_LINE_SHARE = (
+    0.95  # of the spread across a cone's axis is along one line: of a half cone .7, of two arcs of 90 degrees .8
+)
+_EITHER_SIDE = 0.1  # of the points lie on either side of the axis
+_TAIL, _NEAR_APEX = 0.05, 0.2  # quantiles of the distances from the axis: so near to it, points reach the apex
+_CREASE = np.radians(67.5)  # half a cone's angle at most: planes that turn by 45 degrees at least meet in an edge
+_WITHIN_NOISE = 6.0  # mean squared misfit of planes: twice that of a distance and two directions of a normal
+_APART = 10.0  # unit frame: added to the radius of a cone that is none
 _HOPELESS = 40.0  # mean squared residual of a start, in units of the noise, that no refinement mends
 
 
@@ -117,7 +125,47 @@ def fit(kind: str, sets: Sets, noise: Noise, iterations: int = 4) -> Array:
             better = value < lowest
             best[better], lowest[better] = refined[better], value[better]
     assert best is not None
+    if kind == "cone":
+        best[folded(best, sets, noise), 6] += _APART
     return best
+
+
+def folded(rows: Array, sets: Sets, noise: Noise) -> NDArray[np.bool_]:
+    """(B,) cones (B, 10) that are two strips of planes instead.
+
+    A cone of half a right angle is both sides of a thin plate's corner, but for the square of their height: its points
+    reach the apex along two opposite lines only, and two planes, which have as many parameters, tell them better.
+    """
+    points, normals = sets.points, sets.normals
+    share = sets.weights / np.maximum(sets.weights.sum(1, keepdims=True), SMALL)
+    offset = points - rows[:, None, 0:3]
+    across = offset - (offset * rows[:, None, 3:6]).sum(2)[..., None] * rows[:, None, 3:6]
+    sizes, axes = np.linalg.eigh(np.einsum("bm,bmk,bml->bkl", share, across, across))
+    line = sizes[:, 2] >= _LINE_SHARE * sizes.sum(axis=1)
+    side = np.einsum("bmk,bk->bm", across, axes[:, :, 2]) > 0
+    one = np.where(side, share, 0.0).sum(axis=1)
+    both = (one >= _EITHER_SIDE) & (one <= 1 - _EITHER_SIDE)
+    from_apex = np.where(share > 0, np.linalg.norm(across, axis=2), np.nan)
+    least, most = np.nanquantile(from_apex, [_TAIL, 1 - _TAIL], axis=1)
+    found = np.asarray(line & both & (least <= _NEAR_APEX * most) & (np.abs(rows[:, 8]) <= _CREASE))
+    if found.any():
+        points, normals, share, side = points[found], normals[found], share[found], side[found]
+        cone = _misfit("cone", rows[found], points, normals, share, noise)
+        flat = sum(_plane_misfit(points, normals, share * of, noise) for of in (side, ~side))
+        found[found] = flat < np.minimum(cone, _WITHIN_NOISE)
+    return found
+
+
+def _plane_misfit(points: Array, normals: Array, weights: Array, noise: Noise) -> Array:
+    share = weights / np.maximum(weights.sum(1, keepdims=True), SMALL)
+    return _misfit(
+        "plane", planes(points, normals, share, noise.distance, noise.normal), points, normals, weights, noise
+    )
+
+
+def _misfit(kind: str, rows: Array, points: Array, normals: Array, weights: Array, noise: Noise) -> Array:
+    """(B,) weighted sum of the squared residuals in units of the noise."""
+    return (_residuals(kind, rows, points, normals, np.sqrt(weights), noise) ** 2).sum(1)
 
 
 def _residuals(kind: str, rows: Array, points: Array, normals: Array, root: Array, noise: Noise) -> Array:
