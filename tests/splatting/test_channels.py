@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import carve, shorten, sweep, widening
+from brepgaussian.splatting.concave import carve, find, shorten, sweep, widening
 from brepgaussian.splatting.concave.columns import Cut, cuts, holes
 from brepgaussian.splatting.concave.contours import Chords
 from brepgaussian.splatting.concave.join import in_line, joined, opposite, square_ends, told_once
@@ -385,3 +385,44 @@ def test_what_a_prism_contains_is_where_its_distance_is_negative(margin):
     points = np.random.default_rng(8).uniform(0, 1, (20000, 3))
     prism = hole(UP, [0.5, 0.5, 0.8], 0.3, through=margin > 0)
     assert np.array_equal(prism.contains(points, margin), prism.signed_distance(points, margin) < 0)
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.08])
+@pytest.mark.parametrize("told", [True, False], ids=["both mouths", "one mouth"])
+def test_the_far_mouth_of_a_leaning_hole_is_looked_at_too(monkeypatch, lean, told):
+    """A hole through a cone leans with its face, and covers the place where it comes out."""
+    mouths = [hole([0, sign, -lean], [0.5, 0.5 + 0.25 * sign, 0.4], 0.6, through=sign > 0) for sign in (1, -1)]
+    mouths[1] = replace(mouths[1], endless=True)
+    square = [hole([0, sign, 0], [0.5, 0.5 + 0.25 * sign, 0.4], 0.6) for sign in (1, -1)]
+    spots = [SimpleNamespace(lattice=mouth.lattice, relief=np.zeros(mouth.outline.shape)) for mouth in mouths]
+    surfaces = {id(prism.lattice): prism for prism in [*mouths, *square]}
+
+    def around(places, scene, cell, pitch, facing=None):
+        of = mouths if facing is None else square
+        which = 0 if places.mean(axis=0)[1] > 0.5 else 1
+        return SimpleNamespace(lattice=of[which].lattice, relief=np.zeros(of[which].outline.shape))
+
+    def stack_of(images, scene, lattice, relief):
+        return SimpleNamespace(lattice=lattice, surface=lattice.centers)
+
+    def below(images, scene, stack, centered):
+        prism = surfaces[id(stack.lattice)]
+        return [(prism, 1.0)] if told or prism.lattice.normal[1] > 0 else []
+
+    monkeypatch.setattr(find, "planar_regions", lambda *_: [])
+    monkeypatch.setattr(find, "spots", lambda *_: spots)
+    monkeypatch.setattr(find, "spot_around", around)
+    monkeypatch.setattr(find, "rectify", stack_of)
+    monkeypatch.setattr(find, "openings", lambda stack, least: [surfaces[id(stack.lattice)].outline])
+    monkeypatch.setattr(find, "is_framed", lambda *_: True)
+    monkeypatch.setattr(find, "_concavities", below)
+    scene = SimpleNamespace(
+        vertices=np.zeros((0, 3)),
+        triangles=np.zeros((0, 3), int),
+        near=lambda places, reach: np.zeros(len(places)),
+        distances=lambda places, rays: np.full(len(places), np.inf),
+    )
+    images = SimpleNamespace(views=SimpleNamespace(cameras=SimpleNamespace(footprint=lambda: 0.005)))
+    (bore,) = find.find_curved(images, scene, 0.005)
+    assert bore.through
+    np.testing.assert_allclose(bore.lattice.normal, [0, 1, 0] if told else mouths[0].lattice.normal, atol=0.015)

@@ -14,7 +14,7 @@ from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.radiance import disagreement
 from brepgaussian.splatting.concave.rays import Rays, exits
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.shapes import Opening, Shape
+from brepgaussian.splatting.concave.shapes import Opening, Shape, best_depth
 from brepgaussian.splatting.evidence import concavity_edges, edge_cloud, unobserved
 from brepgaussian.splatting.evidence.edgels import find_edgels
 from brepgaussian.splatting.evidence.edges import EdgeCloud
@@ -97,6 +97,28 @@ def test_a_hole_that_a_sample_of_its_rays_does_not_show_is_no_countersink():
     hole = Shape(20.0, through=True)
     assert not opening.holed
     assert opening.score(countersunk(opening, hole))[0] >= opening.score(hole)[0]
+
+
+@pytest.mark.parametrize("shown", [False, True])
+def test_a_hole_leads_on_to_another_opening_only_if_rays_show_that(shown):
+    """It would break into a channel that is 20 cells deep and 10 high; no light comes through."""
+    rng = np.random.default_rng(14)
+    outline = np.zeros((40, 40), bool)
+    outline[10:30, 10:30] = True
+    count = 6000
+    start, sideways = rng.uniform(10, 29, (count, 2)), rng.uniform(-0.6, 0.6, (count, 2))
+    crossings = np.tile([20.0, 30.0, 60.0], (count, 1))
+    beyond = crossings, np.ones(count, bool), np.zeros(count)
+    rays = Rays(start, sideways, np.full(count, 90.0), np.arange(count) % 5, *beyond)
+    leaves = exits(rays, outline, 61.0)
+    if shown:  # the channel's far wall, with a pattern
+        end = start + 30 * sideways
+        grey = np.where(leaves > 20, 150 + 40 * np.sin(end[:, 0] / 4), 90.0)
+        rays = Rays(start, sideways, grey, np.arange(count) % 5, *beyond)
+    opening = Opening(rays, count, outline, (20.0, 61.0), 1.5, breaks=True)
+    assert opening.holed
+    assert not opening.lit
+    assert best_depth(opening, 36).through == shown
 
 
 def test_rays_at_a_rim_do_not_count_unless_that_leaves_too_few():

@@ -109,19 +109,24 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
         return [(p, stack.surface()[p.outline]) for p in prisms if p.depth > deep[p.outline].max()]
 
     found: list[tuple[Prism, Array]] = []  # with the places of its lid
+    ends: list[Prism] = []  # what lies under the far mouths of holes that were found to go through
     for spot in spots(images, scene, free, cell, pitch, width):
         stack = rectify(images, scene, spot.lattice, spot.relief)
         for outline in openings(stack, width**2):
             places = stack.surface()[outline]
-            if not is_framed(stack, outline) or _is_open(places, scene, [*known, *_prisms(found)], cell, pitch):
+            facing = [p for p in _prisms(found) if p.lattice.normal @ spot.lattice.normal > 0]
+            if not is_framed(stack, outline) or _is_open(places, scene, [*known, *facing], cell, pitch):
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
-            found += under(places)
+            below = under(places)
+            if _is_open(places, scene, _prisms(found), cell, pitch):  # a hole that leans may come out there, too
+                ends += _prisms(below)
+            found += below
     for prism, lid in tuple(found):
         far = opposite(prism, lid, scene)
         if far is not None and not _is_open(far, scene, [*known, *_prisms(found)], cell, pitch):
             found += under(far)
-    return in_line(found, under)
+    return [prism for prism in in_line(found, under) if not any(prism is end for end in ends)]
 
 
 def _prisms(found: Sequence[tuple[Prism, Array]]) -> list[Prism]:

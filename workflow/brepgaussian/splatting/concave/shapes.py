@@ -76,7 +76,8 @@ class Opening:
         self.shallowest = self.face + SHALLOWEST
         self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
         self.side = place_side(len(every), len(rays), _MOST_PLACE_CELLS)
-        self.holed = (rays.grey < 0).sum() >= LEAST_PASSING or breaks
+        self.lit = bool((rays.grey < 0).sum() >= LEAST_PASSING)
+        self.holed = self.lit or breaks
         self.deepest = ends[-1]
         self.price = 0.0  # of each doubling of the depth
         self._exits: dict[tuple[float, ...], tuple[Rays, Array]] = {}
@@ -224,5 +225,6 @@ def best_depth(opening: Opening, count: int, like: Shape = STRAIGHT) -> Shape:
         scores = [summary(*costs)[0] for costs in known.values()]
         opening.price = _DEEPER * (max(scores) - min(scores))
     holes = [replace(like, depth=end, through=True) for end in opening.ends if opening.holed]
-    # where something shows through, a hole is the simplest
-    return opening.simplest([*holes, *[shape for shape in blind if not holes or opening.rests(shape)]], known)
+    floors = [shape for shape in blind if not holes or opening.rests(shape)]
+    # where something shows through, a hole is the simplest; one that leads on to another opening has to be shown
+    return opening.simplest([*holes, *floors] if opening.lit else [*floors, *holes], known)
