@@ -1,5 +1,7 @@
 """Faces that a label had swallowed, against those that the nodes were made of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.points.batchfit import Noise
@@ -61,6 +63,20 @@ def test_a_fillet_alone_stays_whole(seed):
         nodes, one_region(nodes), labels, NOISE, spacing_of(nodes.xyz), PointsSettings(smallest_patch=20, seed=seed)
     )
     np.testing.assert_array_equal(found, labels)
+
+
+@pytest.mark.parametrize("seed", [25, 26])
+def test_a_narrow_ring_gets_its_own_label_though_borders_are_near(seed):
+    """A chamfer beside it, both near one torus; no node of either speaks for a patch in the views."""
+    nodes, face = shoulder(np.random.default_rng(seed), 0.06)
+    core = np.zeros(len(face), bool)
+    core[::5] = True
+    nodes, labels = replace(nodes, core=core, trust=np.where(core, 1.0, 0.05)), np.zeros(len(face), np.int64)
+    settings = PointsSettings(smallest_patch=20, seed=seed)
+    found = uncover_planes(nodes, one_region(nodes), labels, NOISE, spacing_of(nodes.xyz), settings)
+    assert found.max() == 1
+    plane = np.bincount(found[face == 1]).argmax()
+    assert (found[face == 1] == plane).mean() > 0.8
 
 
 def test_a_proposal_lies_on_the_plane():

@@ -102,6 +102,23 @@ def test_a_hole_that_reaches_up_to_a_shoulder_has_no_floor_any_more(monkeypatch)
     images = SimpleNamespace(views=SimpleNamespace(cameras=SimpleNamespace(centers=None)), tolerance=1.5)
     images.as_taken = images
     monkeypatch.setattr(shoulders, "_pierced", lambda *_: 0.02)
-    _, hole = shoulders.with_shoulders(images, None, [wide, narrow], 2 * SPACING)
+    _, hole = shoulders.with_shoulders(images, block().scene(), [wide, narrow], 2 * SPACING)
     assert hole.through
     assert hole.depth == pytest.approx(TOP - BOTTOM - 0.08)
+
+
+@pytest.mark.parametrize(("cone", "depth"), [(0.0, 0.15), (0.04, 0.25)], ids=["a hole", "a cone of light"])
+def test_a_floor_lies_below_what_silhouettes_leave_empty_beside_a_narrower_hole(monkeypatch, cone, depth):
+    """Light through a narrow hole and a wide one leaves a cone about the narrow one, as far as the wide one reaches."""
+    hull, floor = block(), TOP - 0.3  # of the wide hole, in truth
+    grid = np.stack(np.meshgrid(*[SPACING * np.arange(81)] * 3, indexing="ij"), axis=-1)
+    radius = 0.05 + cone * np.maximum(grid[..., 2] - floor, 0) / (TOP - floor)
+    away = np.hypot(grid[..., 0] - 0.5, grid[..., 1] - 0.5) - radius
+    scene = replace(hull, field=np.minimum(hull.field, away).astype(np.float32)).scene()
+    wide, narrow = disc(0.1, depth=0.15, endless=True), replace(disc(0.05, BOTTOM, -1.0, depth=0.4), through=True)
+    monkeypatch.setattr(shoulders, "_shoulder", lambda *_: None)
+    found, through = shoulders.with_shoulders(None, scene, [wide, narrow], 2 * SPACING)
+    assert found.depth == pytest.approx(depth, abs=0.02)
+    assert found.depth < 0.3
+    assert found.endless  # it is the least that it may be
+    assert through is narrow

@@ -32,6 +32,7 @@ _OFF, _ACROSS = 3.0, np.cos(np.radians(45.0))  # of the noise, and of what turns
 _ONE_FACE = np.cos(np.radians(30.0))  # between neighbours of a strip: normals beside its edges are turned
 _NEAR = 2.0  # spacings over which a trial's normal is averaged
 _LEAST_SHARE = 0.15  # of a label's nodes on one plane: a small piece of any face is about flat
+_MOSTLY = 0.5  # of a label's nodes, clear of borders: these tell a plane best
 _MOST_SHARE = 0.8  # then the plane is the label
 _TURNED = np.cos(np.radians(20.0))  # by which half of the other nodes face away from it: less is a bulging plane
 
@@ -43,7 +44,7 @@ def uncover_planes(
     smallest, seed = settings.smallest_patch, settings.seed
     models = refit(nodes, labels, noise, seed)
     pieces = planar_pieces(nodes, graph, labels, models, noise, spacing, smallest, seed)
-    return _with_pieces(pieces, _UNCOVERED, nodes, graph, labels, noise, spacing, settings)
+    return _with_pieces(pieces, _UNCOVERED, _speaking(nodes, pieces), graph, labels, noise, spacing, settings)
 
 
 def uncover_strips(
@@ -55,10 +56,14 @@ def uncover_strips(
     """
     models = refit(nodes, labels, noise, settings.seed)
     pieces = turned_pieces(nodes, graph, labels, models, noise, settings.smallest_patch)
+    return _with_pieces(pieces, 0.0, _speaking(nodes, pieces), graph, labels, noise, spacing, settings)
+
+
+def _speaking(nodes: Nodes, pieces: list[Index]) -> Nodes:
+    """Nodes of which those in pieces speak for a patch, however near a border they are."""
     speaking = nodes.core.copy()
     speaking[np.concatenate([np.zeros(0, np.int64), *pieces])] = True
-    nodes = replace(nodes, core=speaking)
-    return _with_pieces(pieces, 0.0, nodes, graph, labels, noise, spacing, settings)
+    return replace(nodes, core=speaking)
 
 
 def _with_pieces(
@@ -124,7 +129,8 @@ def planar_pieces(
     for k, part in enumerate(parts_of(labels)):
         if models.kinds[k] == "plane":
             continue
-        piece = _largest_plane(nodes, part[nodes.core[part]], noise, spacing, rng)
+        core = part[nodes.core[part]]  # of two narrow faces under one label hardly any node is
+        piece = _largest_plane(nodes, core if len(core) >= _MOSTLY * len(part) else part, noise, spacing, rng)
         if len(piece) >= smallest:
             piece = largest_connected(graph, piece, len(labels))
         rest = np.setdiff1d(part, piece)

@@ -3,6 +3,9 @@
 Rays that look into the hole contradict a flat floor. Where wall and floor throw so much light at each other that both
 have one grey, a deeper floor is contradicted by fewer, and so all of a counterbore is opened too deep. That its floor
 is a ring is told by a narrower opening that faces it, or by silhouettes, which have pierced the hull below it.
+
+Where no view sees the floor at all, silhouettes may tell the least that it is deep: light that comes in by the narrower
+hole and out by the wide one leaves a cone, which is wider than the hole only where the wide one is.
 """
 
 from collections.abc import Sequence
@@ -25,6 +28,7 @@ _ROUND = 1.15  # of the radius that its area tells, to an opening's farthest cel
 _NARROWER = 0.8  # of the opening's radius, at most, the hole has
 _LEAST_HOLLOW = 0.4  # of that radius is looked past where silhouettes have pierced a part of the hole
 _PIERCED_CELLS = 3
+_CLEAR_CELLS = 1.5  # from the walls of either, what silhouettes leave empty belongs to neither
 _SHALLOWER = 0.9  # of the depth of a flat floor; else that is as good
 
 logger = log.get_logger("stage1")
@@ -45,6 +49,11 @@ def with_shoulders(images: Images, scene: Scene, prisms: Sequence[Prism], tolera
         if not _is_plain(wide):
             continue
         narrow = _narrower(wide, left, tolerance)
+        if narrow and wide.endless:
+            least = _emptied(scene, wide, [left[k] for k in narrow])
+            if least is not wide:  # rays have told the walls for the floor
+                left[i] = least
+                continue
         hollow = max((throat(left[k]) for k in narrow), default=_pierced(scene, wide))
         depth = _shoulder(images, scene, wide, hollow) if hollow else None
         if depth is not None:
@@ -63,6 +72,28 @@ def _narrower(wide: Prism, prisms: Sequence[Prism], tolerance: float) -> list[in
         if other is not wide and (other.endless or other.through) and throat(other) < _NARROWER * throat(wide)
         and face_each_other(wide, other, tolerance)
     ]  # fmt: skip
+
+
+def _emptied(scene: Scene, wide: Prism, narrow: Sequence[Prism]) -> Prism:
+    """The same without a floor that rays tell, down to where silhouettes leave more empty than the narrower holes."""
+    pitch = wide.lattice.pitch
+    cells = wide.lattice.centers()[wide.outline]
+    clear = _away(wide) < throat(wide) - _CLEAR_CELLS * pitch
+    for hole in narrow:
+        offset = cells - hole.lattice.centers()[hole.outline].mean(axis=0)
+        offset -= (offset @ hole.lattice.normal)[:, None] * hole.lattice.normal
+        clear &= np.linalg.norm(offset, axis=1) > throat(hole) + _CLEAR_CELLS * pitch
+    cells, deepest = cells[clear], max(distance_between(wide, hole) for hole in narrow)
+    depth = wide.depth
+    while depth + pitch < deepest:
+        below = cells - (depth + pitch) * wide.lattice.normal
+        if np.count_nonzero(~scene.inside(below)) < _PIERCED_CELLS:
+            break
+        depth += pitch
+    if depth < wide.depth + _CLEAR_CELLS * pitch:
+        return wide
+    logger.info("opening of area %.4f: silhouettes leave it empty down to %.4f, not %.4f", wide.area, depth, wide.depth)
+    return replace(wide, depth=depth)
 
 
 def _shoulder(images: Images, scene: Scene, wide: Prism, hollow: float) -> float | None:
