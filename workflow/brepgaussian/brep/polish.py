@@ -128,7 +128,8 @@ def badness(report: Mapping[str, Any], settings: BrepSettings) -> float:
     if px is None or iou is None:
         return float("inf")
     disputed = in_limits(report.get("disputed", 0.0), settings.accept_disputed)
-    beyond = max(disputed - 1, 0.0)  # of less, chance has its share
+    stepped = in_limits(report.get("stepped", 0.0), settings.accept_stepped)
+    beyond = max(disputed - 1, 0.0) + max(stepped - 1, 0.0)  # of less, chance has its share
     return float(in_limits(px, settings.accept_silhouette_px) + wrong_masks(report, settings) + beyond)
 
 
@@ -251,6 +252,7 @@ def _figures(test: Any) -> dict[str, Any]:
         "astray": float(test.astray),
         "disputed": float(test.disputed),
         "displaced": None if test.displaced is None else float(test.displaced.area),
+        "stepped": float(test.stepped),
         "accepted": bool(test.accepted),
     }
 

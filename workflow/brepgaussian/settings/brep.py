@@ -110,3 +110,9 @@ class BrepSettings:
         unit="px^2",
         minimum=0.0,
     )
+    accept_stepped: float = setting(
+        20.0,
+        "A solid is accepted if views show steps in grey, clear of its edges, on no larger connected part of a face.",
+        unit="px^2",
+        minimum=0.0,
+    )

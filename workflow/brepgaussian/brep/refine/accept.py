@@ -4,7 +4,7 @@ Every edge's and every apparent contour's median |silhouette residual| is below 
 few samples tell it), the masks' IoU is above .998, and next to no pixel is wrong that lies clear of the masks'
 borders. Global residuals do not show a failure: the worst edge does, and where an edge is missing altogether, the hole
 that it would bound. What lies between the edges shows in places that views disagree about, or whose greys follow the
-slant of the views.
+slant of the views, and an edge that the solid has not in steps of grey where it has none.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from brepgaussian.brep.refine.observe import Found, Images, measure, prepare, wh
 from brepgaussian.brep.refine.parallax import Displaced, displaced
 from brepgaussian.brep.refine.samples import SPACING, edge_samples, see_contours, see_edges
 from brepgaussian.brep.refine.solve import TONES, State, residuals
+from brepgaussian.brep.refine.steps import stepped
 from brepgaussian.brep.refine.visibility import (
     CREASE,
     SILHOUETTE,
@@ -54,6 +55,7 @@ class Acceptance:
         accepted: all within their limits.
         disputed: largest area that views disagree about, px^2.
         displaced: what parallax places elsewhere; None where the solid is refused anyway.
+        stepped: largest area where views show steps clear of all edges, px^2; 0 where the solid is refused anyway.
         mask_pixels: pixels that the masks' figures count.
         edges: per edge or contour: name, number of samples, median |silhouette| and |interior| residual in px.
         faces: per face: the worst of its edges' medians, the number of samples seen, and of places that views
@@ -66,6 +68,7 @@ class Acceptance:
     accepted: bool
     disputed: float = 0.0
     displaced: Displaced | None = None
+    stepped: float = 0.0
     mask_pixels: int = 0
     edges: list[dict[str, object]] = field(default_factory=list)
     faces: list[dict[str, object]] = field(default_factory=list)
@@ -174,6 +177,7 @@ def judge_faces(
     disputed = disagreement(scene, structure, shown, poses)
     good = test.accepted and disputed.area <= settings.accept_disputed
     off = displaced(scene, structure, shown, poses) if good else None
-    good = good and off is not None and off.area <= settings.accept_displaced
+    steps = stepped(scene, structure, shown, poses) if good else 0.0
+    good = good and off is not None and off.area <= settings.accept_displaced and steps <= settings.accept_stepped
     faces = [row | {"disputed": int(count)} for row, count in zip(test.faces, disputed.faces, strict=True)]
-    return replace(test, accepted=good, disputed=disputed.area, displaced=off, faces=faces)
+    return replace(test, accepted=good, disputed=disputed.area, displaced=off, stepped=steps, faces=faces)

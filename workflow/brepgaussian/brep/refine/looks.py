@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _CLEAR_PX = 2.5  # footprints from all edges, where a pixel shows two faces or the edge may be off
-_LEAST_FACING = 0.25  # cosine between a ray and the normal: at a graze a pixel is many places
+LEAST_FACING = 0.25  # cosine between a ray and the normal: at a graze a pixel is many places
 _NEIGHBOUR = 2.3  # places apart: one that nobody asked may lie between
 
 
@@ -42,24 +42,24 @@ def looks(scene: Scene, structure: Structure, shown: Shown, poses: Array, stride
     centers, directions = look(cameras, view, np.column_stack([column, row]) + 0.5, poses)
     triangle, distance = scene.hit(centers, directions)
     facing = np.einsum("ri,ri->r", directions, scene.normals[triangle])
-    kept = np.flatnonzero((triangle >= 0) & (np.abs(facing) > _LEAST_FACING))
+    kept = np.flatnonzero((triangle >= 0) & (np.abs(facing) > LEAST_FACING))
     points = centers[kept] + distance[kept, None] * directions[kept]
-    clear = _clear(points, structure, cameras.footprint())
+    clear = clear_of_edges(points, structure, _CLEAR_PX * cameras.footprint())
     kept, points = kept[clear], points[clear]
     grey = shown.luminance[view[kept], row[kept], column[kept]].astype(float)
     return Looks(scene.face[triangle[kept]], points, scene.normals[triangle[kept]], directions[kept], grey)
 
 
-def _clear(points: Array, structure: Structure, footprint: float) -> NDArray[np.bool_]:
-    """(N,) which points (N, 3) lie clear of all edges."""
-    lines = [np.zeros((0, 3))]
+def clear_of_edges(points: Array, structure: Structure, distance: float) -> NDArray[np.bool_]:
+    """(N,) which points (N, 3) lie at least so far from all edges, unit frame."""
+    lines, apart = [np.zeros((0, 3))], distance / _CLEAR_PX
     for edge in structure.edges:
         steps = np.linalg.norm(np.diff(edge.polyline, axis=0), axis=1)
-        lines.append(resample(edge.polyline, max(1, int(np.ceil(steps.sum() / footprint)))))
+        lines.append(resample(edge.polyline, max(1, int(np.ceil(steps.sum() / apart)))))
     edges = np.concatenate(lines)
     if not len(edges):
         return np.ones(len(points), bool)
-    return np.isinf(cKDTree(edges).query(points, distance_upper_bound=_CLEAR_PX * footprint)[0])
+    return np.isinf(cKDTree(edges).query(points, distance_upper_bound=distance)[0])
 
 
 def largest_areas(places: Indices, faces: int) -> Indices:

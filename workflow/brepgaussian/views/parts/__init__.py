@@ -67,6 +67,7 @@ PARTS: dict[str, PartInfo] = {
     "countersink_plate": PartInfo("prismatic", "countersinks (cones into cylinders) and a slot with round ends", TUNED),
     "bearing_race": PartInfo("turned", "a shallow torus between cylinders, small chamfers", HOLDOUT),
     "link_rod": PartInfo("turned", "walls tangent to two cylinders", HOLDOUT),
+    "valve_stem": PartInfo("turned", "a narrow groove, a cross hole and flats on a cylinder beside a cone", HOLDOUT),
     "step_bracket": PartInfo(
         "machine", "a slot with round ends, a blind hole and rounded corners on two steps", HOLDOUT
     ),
@@ -143,7 +144,8 @@ PARTS: dict[str, PartInfo] = {
     "slotted_cup": PartInfo("trays", "a round pocket into which views look through a slot in its wall only", TUNED),
     "spout_pot": PartInfo("trays", "a thin round wall with a spout cut into it, over a flange", HOLDOUT),
     "sensor_dish": PartInfo("trays", "a square post in a round pocket, below its rim", HOLDOUT),
-    "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", HOLDOUT),
+    "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", TUNED),
+    "meter_box": PartInfo("trays", "a pad and a post in a pocket with round corners and a notch", HOLDOUT),
 }
 
 

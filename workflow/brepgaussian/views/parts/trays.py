@@ -60,6 +60,18 @@ def terminal_box(s: Sizes) -> Part:
     return body - Pos(length / 2, 0, high - s(7)) * Box(3 * wall, s(16), BEYOND, align=BOTTOM)
 
 
+def meter_box(s: Sizes) -> Part:
+    """A box with round inner corners, a long pad and a round post on its floor, a notch in one wall, two drains."""
+    length, width, high, floor, wall = s(74), s(60), s(26), s(5), s(6)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * extrude(RectangleRounded(length - 2 * wall, width - 2 * wall, s(9, 0.1)), BEYOND)
+    body += Pos(-length * 0.16, 0, floor) * Box(s(10), s(24), s(8), align=BOTTOM)
+    body += Pos(length * 0.17, width * 0.08, floor) * Cylinder(s(7, 0.1), s(11), align=BOTTOM)
+    for y in (-1, 1):
+        body -= Pos(length * 0.3, y * width * 0.27, 0) * Cylinder(s(2.5, 0.1), BEYOND)
+    return body - Pos(-length / 2, 0, high * 0.7) * Box(3 * wall, s(18), BEYOND, align=BOTTOM)
+
+
 def notched_tray(s: Sizes) -> Part:
     """A tray with two pads on its floor and a notch through one wall, for a cable."""
     length, width, high, floor, wall = s(84), s(54), s(24), s(5), 5

@@ -33,6 +33,23 @@ def turn(*points: tuple[float, float]) -> Part:
     return revolve(Plane.XZ * Polygon(*points, align=None), Axis.Z)
 
 
+def valve_stem(s: Sizes) -> Part:
+    """A stem with a conical head, a groove around it, a cross hole and two flats at its end."""
+    stem, head, edge, low = s(9, 0.08), s(17, 0.06), s(4, 0.1), s(9, 0.1)
+    long, groove, deep = s(58, 0.06), s(5, 0.08), s(2, 0.1)
+    at = edge + low + long * 0.5
+    body = turn(
+        (0, 0), (head, 0), (head, edge), (stem, edge + low),
+        (stem, at), (stem - deep, at), (stem - deep, at + groove), (stem, at + groove),
+        (stem, edge + low + long), (0, edge + low + long),
+    )  # fmt: skip
+    body -= Pos(0, 0, edge + low + long * 0.25) * Rot(90, 0, 0) * Cylinder(s(3, 0.1), BEYOND)
+    flat, top = s(0.6, 0.06) * stem, edge + low + long
+    for side in (-1, 1):
+        body -= Pos(side * (flat + stem), 0, top) * Box(2 * stem, 4 * stem, s(22, 0.08))
+    return body
+
+
 def hex_nut(s: Sizes) -> Part:
     """A hexagon whose ends are chamfered by cones, bored, the bore chamfered."""
     apothem, height, bore, edge = s(24), s(20), s(12), s(2)
