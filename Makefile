@@ -11,7 +11,7 @@ metrics: setup ## images to solids and results/metrics.csv, on the objects of co
 	$(RUN) snakemake --cores $(CORES) results/metrics.csv
 
 test: setup-dev ## all tests
-	$(RUN) python -m pytest
+	$(RUN) python -m pytest -n $(CORES) --dist loadfile
 
 setup: $(VENV)/.runtime kernel ## the virtual environment and the compiled kernel
 
