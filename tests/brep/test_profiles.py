@@ -126,3 +126,21 @@ def test_a_cone_that_is_nearly_flat_may_be_a_plane(angle, change):
         flat = found[0].new[0].surface
         assert np.allclose(flat.axis, axis)
         assert flat.origin[2] == pytest.approx(-0.45 / np.tan(half), abs=0.002)
+
+
+@pytest.mark.parametrize(("bend", "change"), [(0.3, True), (1.5, False)])
+def test_a_shoulder_whose_points_bend_up_at_its_foot_may_be_a_plane(bend, change):
+    """A fillet, which turns by a right angle, is none."""
+    rng, axis = np.random.default_rng(2), np.eye(3)[2]
+    foot, turn = rng.uniform(0, bend, 900), rng.uniform(0, 2 * np.pi, 900)
+    ring = torus(np.zeros(3), axis, 0.5, 0.1)  # its lowest circle is where the points are level
+    radial = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(900)])
+    xyz = (0.5 - 0.1 * np.sin(foot))[:, None] * radial - (0.1 * np.cos(foot))[:, None] * axis
+    normals = np.sin(foot)[:, None] * radial + np.cos(foot)[:, None] * axis
+    shoulder = Patch(ring, 0, xyz, normals, 0.02, 0.001)
+    top = Patch(plane(0.3 * axis, axis), 1, xyz + 0.4 * axis, np.tile(axis, (900, 1)), 0.02, 0.001)
+    found = flattened([shoulder, top])
+    assert bool(found) is change
+    if found:
+        assert np.allclose(found[0].new[0].surface.axis, axis)
+        assert found[0].new[0].surface.origin[2] == pytest.approx(-0.1, abs=0.003)

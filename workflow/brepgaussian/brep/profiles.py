@@ -65,15 +65,18 @@ def grooved(patches: Sequence[Patch]) -> list[Change]:
 
 
 def flattened(patches: Sequence[Patch]) -> list[Change]:
-    """One change for every cone that is nearly flat, about the normal of a plane: a plane across its axis.
+    """One change for every cone or torus that is nearly flat, about the normal of a plane: a plane across its axis.
 
-    Of the walls of a groove, few views show the inner ends, and hulls narrow there.
+    Of the walls of a groove, few views show the inner ends, and hulls narrow there. At the foot of a shank the points
+    of a narrow shoulder bend up.
     """
     normals = [p.surface.axis for p in patches if p.surface.kind == "plane"]
     result: list[Change] = []
     for i, patch in enumerate(patches):
         axis = patch.surface.axis
         flat = patch.surface.kind == "cone" and patch.surface.angle > np.pi / 2 - _LEANING
+        if patch.surface.kind == "torus":
+            flat = float(np.median(np.abs(patch.normals @ axis))) > np.cos(_LEANING)
         square = [n for n in normals if abs(float(n @ axis)) > _ALONG]
         if not (flat and square):
             continue

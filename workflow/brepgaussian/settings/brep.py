@@ -105,7 +105,7 @@ class BrepSettings:
         minimum=0.0,
     )
     accept_displaced: float = setting(
-        50.0,
+        37.5,
         "A solid is accepted if no connected part of a face that is larger than this surely lies elsewhere.",
         unit="px^2",
         minimum=0.0,

@@ -78,9 +78,8 @@ PARTS: dict[str, PartInfo] = {
     "t_nut": PartInfo("machine", "small bevels, an undercut under shoulders, one chamfered bore", TUNED),
     "flanged_bushing": PartInfo("machine", "a rounded shoulder, chamfers and a hole through a curved wall", TUNED),
     "ribbed_base": PartInfo("machine", "thin ribs that run into a cylinder, a deep blind bore", TUNED),
-    "hex_bolt": PartInfo(
-        "machine", "cone against planes in hyperbolas on one side, coaxial steps on the other", HOLDOUT
-    ),
+    "hex_bolt": PartInfo("machine", "cone against planes in hyperbolas on one side, coaxial steps on the other", TUNED),
+    "adapter_stud": PartInfo("turned", "a hexagon and a collar between studs, a blind bore, chamfers", HOLDOUT),
     "keyed_shaft": PartInfo("fixture", "a blind keyway on a cylinder, a narrow ring groove, small chamfers", TUNED),
     "tube_connector": PartInfo(
         "fixture", "inner walls that only the ends show, a hidden shoulder, holes in pairs", TUNED

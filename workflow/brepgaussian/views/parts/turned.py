@@ -33,6 +33,18 @@ def turn(*points: tuple[float, float]) -> Part:
     return revolve(Plane.XZ * Polygon(*points, align=None), Axis.Z)
 
 
+def adapter_stud(s: Sizes) -> Part:
+    """A hexagon on a round collar between two studs of different widths, the wider one bored, chamfered ends."""
+    apothem, wide, collar, thick = s(14, 0.06), s(9, 0.08), s(17, 0.06), s(4, 0.1)
+    below, above, stud, edge = s(20, 0.08), s(24, 0.08), s(7, 0.06), s(1.4)
+    low, top = -below, thick + wide + above
+    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), wide + thick)
+    body += turn((0, 0), (collar, 0), (collar, thick), (0, thick))
+    body += turn((0, low), (stud + 2 - edge, low), (stud + 2, low + edge), (stud + 2, 0), (0, 0))
+    body += turn((0, thick), (stud, thick), (stud, top - edge), (stud - edge, top), (0, top))
+    return body - Pos(0, 0, low) * Cylinder(s(4.5, 0.08), s(12, 0.08), align=BOTTOM)
+
+
 def valve_stem(s: Sizes) -> Part:
     """A stem with a conical head, a groove around it, a cross hole and two flats at its end."""
     stem, head, edge, low = s(9, 0.08), s(17, 0.06), s(4, 0.1), s(9, 0.1)
