@@ -1,6 +1,8 @@
 """Open the concavities of a hull's field, level by level (a counterbore's bore lies under its first floor)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
@@ -15,11 +17,13 @@ from brepgaussian.splatting.concave.onward import onward
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.raised import raised
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.shoulders import with_shoulders
 from brepgaussian.splatting.concave.sounded import sounded
 from brepgaussian.splatting.concave.sweep import Outlined, straighten
+from brepgaussian.splatting.concave.tops import Top
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
 from brepgaussian.splatting.concave.volume import MARGIN_CELLS, Volume
@@ -69,13 +73,15 @@ def open_concavities(
     scene = hull.scene()
     for level in range(_LEVELS):
         sought = find_prisms(images, scene, hull.spacing, floors, planes) if floors or not level else []
-        found = [*below, *told_once(sought, [*known, *below], 2 * hull.spacing)]
-        if not found:
+        found = told_once(sought, [*known, *below], 2 * hull.spacing)
+        deeper, found = raised(known, found, partial(_standing, images, hull, uncut, known)) if level else ({}, found)
+        found = [*below, *found]
+        if not (found or deeper):
             break
         found, below = _parted(found) if level < _LEVELS - 1 else (found, [])  # the last ones stay whole
         found = with_shoulders(images, scene, square_ends(found, 2 * hull.spacing), 2 * hull.spacing)
         # the far end of a hole may be the floor of what was found before
-        before, known = known, joined([*known, *found], 2 * hull.spacing)
+        before, known = known, joined([*_replaced(known, deeper), *found], 2 * hull.spacing)
         fresh = [k for k, prism in enumerate(known) if k >= len(before) or prism.depth > before[k].depth]
         margins = [hull.margin(prism) for prism in known]
         for k in fresh:
@@ -90,7 +96,10 @@ def open_concavities(
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             if k not in ends:
                 known[k] = sounded(images, scene, shortened(images, hull, known[k], margins[k]))
-                known[k], hull = _with_islands(images, hull, uncut, known, k, done)
+                if known[k].islands:  # of a pocket that was found around them
+                    hull = _whole(hull, uncut, known, k, done)
+                else:
+                    known[k], hull = _with_islands(images, hull, uncut, known, k, done)
                 known[k] = sounded(images, scene, known[k]) if known[k].islands else known[k]
             opened = hull.without(known[k], margins[k])
             if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):
@@ -130,18 +139,49 @@ def open_concavities(
 
 
 def _with_islands(
-    images: Images, hull: Volume, uncut: Volume | None, known: Sequence[Prism], k: int, done: Sequence[int]
+    images: Images,
+    hull: Volume,
+    uncut: Volume | None,
+    known: Sequence[Prism],
+    k: int,
+    done: Sequence[int],
+    likely: Sequence[Top] | None = None,
 ) -> tuple[Prism, Volume]:
     """One of the known concavities with what stands in it, and the hull with that, too; others are `done` already."""
     if not has_room(known[k]):
         return known[k], hull
-    whole, margin = hull, hull.margin(known[k])
-    if uncut is not None:
-        whole = hull.filled(known[k], margin, uncut)
-        for other in done:
-            whole = whole.without(known[other], hull.margin(known[other]))
-    prism = with_islands(images, whole, known[k], margin)
+    whole, margin = _whole(hull, uncut, known, k, done), hull.margin(known[k])
+    prism = with_islands(images, whole, known[k], margin, likely)
     return prism, whole if prism.islands else hull
+
+
+def _whole(hull: Volume, uncut: Volume | None, known: Sequence[Prism], k: int, done: Sequence[int]) -> Volume:
+    """The hull with all that was within one of the known concavities, but for others that are `done` already."""
+    if uncut is None:
+        return hull
+    whole = hull.filled(replace(known[k], islands=()), hull.margin(known[k]), uncut)
+    for other in done:
+        whole = whole.without(known[other], hull.margin(known[other]))
+    return whole
+
+
+def _standing(
+    images: Images,
+    hull: Volume,
+    uncut: Volume | None,
+    known: Sequence[Prism],
+    k: int,
+    prism: Prism,
+    likely: Sequence[Top],
+) -> Prism:
+    """One of the known concavities, deeper than it was, with what stands in it."""
+    others = [i for i in range(len(known)) if i != k]
+    return _with_islands(images, hull, uncut, _replaced(known, {k: prism}), k, others, likely)[0]
+
+
+def _replaced(known: Sequence[Prism], others: dict[int, Prism]) -> list[Prism]:
+    """Concavities, some of them by others."""
+    return [others.get(k, prism) for k, prism in enumerate(known)]
 
 
 def _parted(found: Sequence[Prism]) -> tuple[list[Prism], list[Prism]]:

@@ -38,7 +38,9 @@ _LEAST_RAYS = 20  # that tell something, for them to judge
 logger = get_logger("stage1")
 
 
-def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> Prism:
+def with_islands(
+    images: Images, hull: Volume, prism: Prism, margin: float, likely: Sequence[Top] | None = None
+) -> Prism:
     """A pocket with the bosses that stand in it, if there are any.
 
     Args:
@@ -46,13 +48,14 @@ def with_islands(images: Images, hull: Volume, prism: Prism, margin: float) -> P
         hull: before the pocket is cut.
         prism: the pocket, straight, with a flat floor; anything else stays as it is.
         margin: by which it is cut longer.
+        likely: the tops that they may have; None = to be sought.
     """
     if not has_room(prism):
         return prism
     found_as, prism = prism, replace(prism, draft=0.0)
     cut = hull.without(prism, margin).scene()
     found: list[_Seen] = []
-    narrow, wide = tops(images, cut, prism)
+    narrow, wide = tops(images, cut, prism) if likely is None else (list(likely), [])
     if not (narrow or wide):
         return found_as
     rays = rays_at_object(images, _STRIDE_PX)
