@@ -18,9 +18,7 @@ Array = NDArray[np.float64]
 _STEP = 1e-5  # numeric derivatives: lengths in the unit frame, angles in radians
 KNEE = 4.0  # of a node's cost: a misfit of two standard deviations in each of two directions
 SHADING_CAP = 6.0  # of the squared residual of a gradient: shadows and highlights are no proof
-_LINE_SHARE = (
-    0.95  # of the spread across a cone's axis is along one line: of a half cone .7, of two arcs of 90 degrees .8
-)
+_LINE_SHARE = 0.95  # of the spread across a cone's axis is along one line: half a cone .7, two arcs of 90 degrees .8
 _EITHER_SIDE = 0.1  # of the points lie on either side of the axis
 _TAIL, _NEAR_APEX = 0.05, 0.2  # quantiles of the distances from the axis: so near to it, points reach the apex
 _CREASE = np.radians(67.5)  # half a cone's angle at most: planes that turn by 45 degrees at least meet in an edge
@@ -111,7 +109,7 @@ def fit(kind: str, sets: Sets, noise: Noise, iterations: int = 4) -> Array:
         (B, 10) rows; a set that determines nothing gets some surface with a large residual.
     """
     points, normals = sets.points, sets.normals
-    share = sets.weights / np.maximum(sets.weights.sum(1, keepdims=True), SMALL)
+    share = _shares(sets.weights)
     if kind == "plane":
         return planes(points, normals, share, noise.distance, noise.normal)
     starts = {"sphere": spheres, "cylinder": cylinders, "cone": cones, "torus": tori}[kind](points, normals, share)
@@ -137,7 +135,7 @@ def folded(rows: Array, sets: Sets, noise: Noise) -> NDArray[np.bool_]:
     reach the apex along two opposite lines only, and two planes, which have as many parameters, tell them better.
     """
     points, normals = sets.points, sets.normals
-    share = sets.weights / np.maximum(sets.weights.sum(1, keepdims=True), SMALL)
+    share = _shares(sets.weights)
     offset = points - rows[:, None, 0:3]
     across = offset - (offset * rows[:, None, 3:6]).sum(2)[..., None] * rows[:, None, 3:6]
     sizes, axes = np.linalg.eigh(np.einsum("bm,bmk,bml->bkl", share, across, across))
@@ -156,11 +154,14 @@ def folded(rows: Array, sets: Sets, noise: Noise) -> NDArray[np.bool_]:
     return found
 
 
+def _shares(weights: Array) -> Array:
+    """(B, M) weights of each set, as shares of their sum."""
+    return np.asarray(weights / np.maximum(weights.sum(1, keepdims=True), SMALL))
+
+
 def _plane_misfit(points: Array, normals: Array, weights: Array, noise: Noise) -> Array:
-    share = weights / np.maximum(weights.sum(1, keepdims=True), SMALL)
-    return _misfit(
-        "plane", planes(points, normals, share, noise.distance, noise.normal), points, normals, weights, noise
-    )
+    rows = planes(points, normals, _shares(weights), noise.distance, noise.normal)
+    return _misfit("plane", rows, points, normals, weights, noise)
 
 
 def _misfit(kind: str, rows: Array, points: Array, normals: Array, weights: Array, noise: Noise) -> Array:

@@ -119,7 +119,7 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
             below = under(places)
-            if _is_open(places, scene, _prisms(found), cell, pitch):  # a hole that leans may come out there, too
+            if _is_over(places, _prisms(found), cell):  # a hole that leans may come out there, too
                 ends += _prisms(below)
             found += below
     for prism, lid in tuple(found):
@@ -135,10 +135,13 @@ def _prisms(found: Sequence[tuple[Prism, Array]]) -> list[Prism]:
 
 def _is_open(places: Array, scene: Scene, known: Sequence[Prism], cell: float, pitch: float) -> bool:
     """Whether the lid (N, 3) of an opening is gone: over a concavity that is known, or where silhouettes show none."""
+    return _is_over(places, known, cell) or _is_gone(places, scene, pitch)
+
+
+def _is_over(places: Array, known: Sequence[Prism], cell: float) -> bool:
+    """Whether the middle of a lid (N, 3) lies over one of some concavities."""
     middle = places.mean(axis=0)[None]
-    if any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in known):
-        return True
-    return _is_gone(places, scene, pitch)
+    return any(prism.signed_distance(middle, 2 * cell)[0] < 0 for prism in known)
 
 
 def _is_gone(lid: Array, scene: Scene, pitch: float) -> bool:

@@ -100,7 +100,7 @@ def _is_other_end(square: Prism, oblique: Prism, tolerance: float) -> bool:
     if any(oblique.tilt) and way @ normal < _SAME_WAY * np.linalg.norm(way):
         return False
     across = oblique.area * abs(float(lattice.normal @ normal))
-    away = _middle(oblique) - _middle(square)
+    away = oblique.middle - square.middle
     aside = away - (away @ normal) * normal
     alike = max(across, square.area) < _SAME_AREA * min(across, square.area)
     return bool(alike and away @ normal < 0 and np.linalg.norm(aside) < tolerance)
@@ -211,7 +211,7 @@ def face_each_other(first: Prism, second: Prism, tolerance: float) -> bool:
         return False
     if first.lattice.normal @ second.lattice.normal > -_OPPOSITE or distance_between(first, second) <= 0:
         return False
-    aside = _middle(second) - _middle(first)
+    aside = second.middle - first.middle
     aside -= (aside @ first.lattice.normal) * first.lattice.normal
     return bool(np.linalg.norm(aside) < tolerance)
 
@@ -229,9 +229,4 @@ def _rim_depth(prism: Prism, narrower: float) -> float:
 
 def distance_between(first: Prism, second: Prism) -> float:
     """How far the second's opening lies below the first's."""
-    return float((_middle(first) - _middle(second)) @ first.lattice.normal)
-
-
-def _middle(prism: Prism) -> Array:
-    """(3,) the outline's centre."""
-    return np.asarray(prism.lattice.centers()[prism.outline].mean(axis=0))
+    return float((first.middle - second.middle) @ first.lattice.normal)

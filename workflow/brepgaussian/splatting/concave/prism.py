@@ -134,6 +134,11 @@ class Prism:
         return float(self.outline.sum()) * self.lattice.pitch**2
 
     @property
+    def middle(self) -> Array:
+        """(3,) the opening's centre."""
+        return np.asarray(self.lattice.centers()[self.outline].mean(axis=0))
+
+    @property
     def tapered(self) -> bool:
         """Whether it narrows all the way down."""
         return self.draft > 0 and not np.isfinite(self.sink)

@@ -80,7 +80,7 @@ def _emptied(scene: Scene, wide: Prism, narrow: Sequence[Prism]) -> Prism:
     cells = wide.lattice.centers()[wide.outline]
     clear = _away(wide) < throat(wide) - _CLEAR_CELLS * pitch
     for hole in narrow:
-        offset = cells - hole.lattice.centers()[hole.outline].mean(axis=0)
+        offset = cells - hole.middle
         offset -= (offset @ hole.lattice.normal)[:, None] * hole.lattice.normal
         clear &= np.linalg.norm(offset, axis=1) > throat(hole) + _CLEAR_CELLS * pitch
     cells, deepest = cells[clear], max(distance_between(wide, hole) for hole in narrow)
