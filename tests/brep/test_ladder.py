@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brepgaussian.artifacts.primitives import Primitive, Primitives
-from brepgaussian.brep import occ, publish
+from brepgaussian.brep import ladder, occ, publish
 from brepgaussian.brep.gate import integrity
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.ladder import _guessed, climb, make_job, other_jobs
@@ -125,8 +125,8 @@ def test_another_labelling_mends_what_the_first_joins(kit, worker, seed):
     assert set(outcome.report["explained"]) == {str(k) for k in range(7)}
 
 
-def test_small_faces_that_look_poor_are_tried_where_a_solid_is_refused(kit):
-    """A small face of a thousandth off among faces that are exact."""
+def with_a_poor_face(kit):
+    """Points, primitives and the first job of a block with a small face of a thousandth off among faces that are exact."""
     known = kit.block_with_hole(sigma=1e-4, count=12000, seed=9)
     items = list(known.primitives.items)
     items[1] = replace(items[1], support=items[1].support[:30])
@@ -134,9 +134,21 @@ def test_small_faces_that_look_poor_are_tried_where_a_solid_is_refused(kit):
     xyz[items[1].support] += 2e-3 * np.random.default_rng(9).normal(size=(30, 3)).astype(np.float32)
     points, primitives = replace(known.points, xyz=xyz), replace(known.primitives, items=tuple(items))
     job = make_job(kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5]))), points, primitives, SETTINGS)
+    return points, primitives, job
+
+
+def test_small_faces_that_look_poor_are_tried_where_a_solid_is_refused(kit):
+    points, primitives, job = with_a_poor_face(kit)
     first = next(other_jobs(points, primitives, job))
     assert len(job.patches) == 6
     assert len(first.patches) == 7
+
+
+def test_what_explains_other_patches_is_tried_with_small_faces_too(kit, monkeypatch):
+    points, primitives, job = with_a_poor_face(kit)
+    monkeypatch.setattr(ladder, "rolled", lambda job, sigma: iter([replace(job, clear=True)]))
+    tried = [len(other.patches) for other in other_jobs(points, primitives, job) if other.clear]
+    assert tried[:2] == [6, 7]
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -91,9 +91,12 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
     afresh.
     """
     every = _job(points, primitives, job.silhouettes, job.settings, poor_too=True)
-    if len(every.patches) > len(job.patches):
+    poor_too = len(every.patches) > len(job.patches)
+    if poor_too:
         yield every
     yield from _explanations(job, primitives.sigma)
+    if poor_too:
+        yield from _explanations(every, primitives.sigma)
     settings = PrimitivesSettings()
     for number, labelled in enumerate(labellings, 1):
         other = primitives_of(labelled, settings)
