@@ -126,7 +126,7 @@ def test_another_labelling_mends_what_the_first_joins(kit, worker, seed):
 
 
 def with_a_poor_face(kit):
-    """Points, primitives and the first job of a block with a small face of a thousandth off among faces that are exact."""
+    """Points, primitives, first job: a block with a small face that is a thousandth off among exact ones."""
     known = kit.block_with_hole(sigma=1e-4, count=12000, seed=9)
     items = list(known.primitives.items)
     items[1] = replace(items[1], support=items[1].support[:30])
