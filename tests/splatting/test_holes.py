@@ -207,6 +207,7 @@ def test_views_judge_openings_in_curved_faces(monkeypatch, said, opened):
     across = hole(UP, [0.5, 0.5, 0.7], 0.4)
     monkeypatch.setattr(carve, "find_prisms", lambda *_: [])
     monkeypatch.setattr(carve, "find_curved", lambda *_: [across])
+    monkeypatch.setattr(carve, "counterbored", lambda *_: [])
     monkeypatch.setattr(carve, "drawn", lambda images, scene, hull, prism, margin: prism)
     monkeypatch.setattr(carve, "disagreements", lambda *_: said)
     hull, known, _ = carve.open_concavities(None, shaft)

@@ -7,6 +7,7 @@ from functools import partial
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
+from brepgaussian.splatting.concave.counterbored import counterbored
 from brepgaussian.splatting.concave.drilled import MOST_AGAINST, is_narrow
 from brepgaussian.splatting.concave.ends import lengthened
 from brepgaussian.splatting.concave.even import evened
@@ -128,14 +129,25 @@ def open_concavities(
         if further is not prism:
             known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
             scene = hull.scene(known)
-    for found_prism in find_curved(images, scene, hull.spacing, known):
-        prism = drawn(images, scene, hull, found_prism, MARGIN_CELLS * hull.spacing)
-        opened = hull.without(prism, MARGIN_CELLS * hull.spacing)
+    in_curved = find_curved(images, scene, hull.spacing, known)
+    hull, known = _with_agreeable(images, hull, known, in_curved)
+    return *_with_agreeable(images, hull, known, counterbored(images, hull.scene(known), hull.spacing, known)), bends
+
+
+def _with_agreeable(
+    images: Images, hull: Volume, known: Sequence[Prism], found: Sequence[Prism]
+) -> tuple[Volume, list[Prism]]:
+    """The hull opened by concavities in its curved faces, as far as views agree better then, and all that are known."""
+    margin, scene, result = MARGIN_CELLS * hull.spacing, hull.scene(known), list(known)
+    for prism in found:
+        if prism.section is None:
+            prism = drawn(images, scene, hull, prism, margin)
+        opened = hull.without(prism, margin)
         after = opened.scene()
         if _agreeable(images, scene, after, prism, 2 * hull.spacing):
             hull, scene = opened, after
-            known.append(prism)
-    return hull, known, bends
+            result.append(prism)
+    return hull, result
 
 
 def _with_islands(

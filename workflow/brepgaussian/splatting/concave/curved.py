@@ -34,6 +34,8 @@ _REWEIGHTINGS = 8
 _SMOOTH_SHARE = 0.8  # of the hull around a spot lies on the polynomial; edges and corners don't
 _TURNS = 3  # until a lattice is square to the face
 _FACING = 0.3  # cosine of a normal to the lattice's; what is steeper lies behind an edge
+_NEARER = 8  # steps to where a line meets the face
+_MOST_FAR = 1.5  # of a lattice's half lengths: the polynomial is known as far as that
 _LEAST_BEND_CELLS = 1.5  # that the face sinks over the lattice; flatter ones are planes, which are looked at already
 
 
@@ -99,9 +101,9 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
     radii, along = _extent(members - center, cell)
     reach = radii + (_REACH - 1) * radii.min() + _MARGIN_CELLS * pitch
     wide = reach + (np.sqrt(2) - 1) * reach.min()
-    normal = normals[cKDTree(vertices).query(members)[1]].mean(axis=0) if facing is None else facing
+    normal = normals[cKDTree(vertices).query(members)[1]].mean(axis=0)
     axes, local, height = np.eye(3), np.empty((0, 3)), None
-    for _ in range(_TURNS if facing is None else 1):
+    for _ in range(_TURNS):
         normal /= np.linalg.norm(normal)
         axes = _frame(normal, along)
         local = (vertices - center) @ axes
@@ -110,8 +112,7 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
         height = _Polynomial.through(local, reach, cell)
         if height is None:
             return None
-        if facing is None:
-            normal = normal - axes[:, :2] @ height.slope_at_origin()
+        normal = normal - axes[:, :2] @ height.slope_at_origin()
     if height is None:
         return None
     on_it = np.abs(local[:, 2] - height(local[:, 0], local[:, 1])) < cell
@@ -119,7 +120,12 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
         return None
     count = np.ceil(2 * reach / pitch).astype(int)
     u, v = np.meshgrid(*((np.arange(n) + 0.5 - n / 2) * pitch for n in count), indexing="ij")
-    heights = height(u.ravel(), v.ravel()).reshape(u.shape)
+    if facing is None:
+        heights = height(u.ravel(), v.ravel()).reshape(u.shape)
+    else:
+        own, axes = axes, _frame(facing, along)
+        heights = height.along(np.column_stack([u.ravel(), v.ravel()]) @ (axes[:, :2].T @ own), facing @ own)
+        heights = heights.reshape(u.shape)
     if np.ptp(heights) < _LEAST_BEND_CELLS * pitch:
         return None
     first, second, normal = axes.T
@@ -176,6 +182,24 @@ class _Polynomial:
 
     def __call__(self, u: Array, v: Array) -> Array:
         return np.asarray(_terms(u / self.scale[0], v / self.scale[1]) @ self.coefficients)
+
+    def along(self, starts: Array, direction: Array) -> Array:
+        """(N,) how far from starts (N, 3) in a unit direction (3,), all in the plane's frame, it lies, as far as it is
+        known: beyond that any height will do, for nothing of the face is there.
+        """
+        far, most, step = np.zeros(len(starts)), _MOST_FAR * float(self.scale.max()), 1e-4 * float(self.scale.min())
+
+        def above(far: Array) -> Array:
+            places = starts + far[:, None] * direction
+            u, v = (np.clip(places[:, k], -_MOST_FAR * self.scale[k], _MOST_FAR * self.scale[k]) for k in (0, 1))
+            return np.asarray(places[:, 2] - self(u, v))
+
+        for _ in range(_NEARER):
+            height = above(far)
+            rise = (above(far + step) - height) / step
+            rise = np.copysign(np.maximum(np.abs(rise), _FACING), rise)
+            far = np.clip(far - height / rise, -most, most)
+        return far
 
     def slope_at_origin(self) -> Array:
         """(2,) how it rises along u and v."""

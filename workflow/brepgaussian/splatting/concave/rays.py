@@ -19,6 +19,7 @@ _REACHED = 0.05  # cells
 _SLOWEST = 1e-3  # sideways cells per cell of depth: a ray straight down never leaves
 _BELT_CELLS = 4  # of face around an opening that is looked at too, so that the outline can be judged
 _MOST_CROSSINGS = 6  # of a ray with the hull
+_LEAST_SINE = 0.05  # of a ray's angle to the lattice: a leaning mouth is seen from below its hole, too
 _LID_CELLS = 3.0  # crossings this close to the opening's plane are the lid's own roughness
 
 
@@ -92,7 +93,9 @@ def gather(stack: Stack, outline: NDArray[np.bool_], centers: Array, scene: Scen
     for view, center in enumerate(centers):
         grey = stack.grey[view, rows, columns]
         seen = np.isfinite(grey)
-        ray = cells[seen] - center
+        sight = cells - center
+        seen &= -(sight @ lattice.normal) > _LEAST_SINE * np.linalg.norm(sight, axis=1)
+        ray = sight[seen]
         ray /= -(ray @ lattice.normal)[:, None]  # one unit of depth
         sideways.append(np.column_stack([ray @ lattice.first, ray @ lattice.second]))
         starts.append(np.column_stack([rows[seen], columns[seen]]) - sunk[seen, None] * sideways[-1])

@@ -72,7 +72,7 @@ class Opening:
     ) -> None:
         """Use `count` of all rays; `ends` and `breaks` are those of `_ends`."""
         rays = every.sample(count)
-        self.face = float(every.entry.max())  # the deepest that the face lies below the lattice
+        self.face = _deepest(every, outline)  # that the face lies below the lattice
         self.shallowest = self.face + SHALLOWEST
         self.rays, self.outline, self.ends, self.tolerance = rays, outline, ends, tolerance
         self.side = place_side(len(every), len(rays), _MOST_PLACE_CELLS)
@@ -185,6 +185,14 @@ class Opening:
     def advantage(self, costs: Costs, other: Costs) -> float:
         """By how many standard errors the rays that both shapes tell of disagree less on the other."""
         return advantage(self._units, costs, other)
+
+
+def _deepest(rays: Rays, outline: NDArray[np.bool_]) -> float:
+    """How far the face lies below the lattice, at most, where rays enter an outline; not in the belt around it."""
+    cells = np.round(rays.start + rays.entry[:, None] * rays.sideways).astype(int)
+    on = np.flatnonzero(((cells >= 0) & (cells < outline.shape)).all(axis=1))
+    inside = on[outline[tuple(cells[on].T)]]
+    return float(rays.entry[inside].max(initial=0.0))
 
 
 def place_side(every: int, count: int, most: float) -> float:
