@@ -9,6 +9,8 @@ from brepgaussian.splatting.concave.openings import LID, WALL, Stack
 from brepgaussian.splatting.concave.planes import Plane, region_on
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.volume import Volume
+from build123d import Align, Box, Cylinder, Pos
+from rendered import missed, rendered
 from scipy import ndimage
 
 PITCH, SHAPE, TOP = 0.005, (160, 120), 0.5
@@ -83,6 +85,7 @@ def test_a_bore_that_a_slot_crosses_is_the_disc_in_what_is_open(monkeypatch, rad
     monkeypatch.setattr(broken, "rectify", lambda *_: face)
     monkeypatch.setattr(broken, "across", lambda _images, _scene, _lattice, domain: shown(domain, bore | slot))
     monkeypatch.setattr(broken, "_gone", lambda *_: gone & ~left)
+    monkeypatch.setattr(broken, "_refuted_below", lambda *_: False)
     found = broken_rims(None, None, face, 50 * PITCH**2)[2]
     assert len(found) == told
     for outline in found:
@@ -130,3 +133,40 @@ def test_what_lies_on_a_known_plane():
 def test_a_widened_lattice_has_the_same_cells():
     wider = LATTICE.widened(3)
     np.testing.assert_allclose(wider.centers()[3:-3, 3:-3], LATTICE.centers(), atol=1e-12)
+
+
+def test_a_pot_through_whose_notch_silhouettes_have_opened_its_upper_half(tmp_path):
+    low = (Align.CENTER, Align.CENTER, Align.MIN)
+    part = Cylinder(20, 24, align=low) - Pos(0, 0, 4) * Cylinder(17, 30, align=low)
+    views, truth = rendered(tmp_path, part - Pos(-20, 0, 14) * Box(12, 11, 20, align=low))
+    too_much, too_little = missed(views, truth)
+    assert too_much < 0.03
+    assert too_little < 0.03
+
+
+@pytest.mark.parametrize("notches", [1, 2])
+def test_a_rectangle_is_told_without_the_notches_through_its_rim(notches):
+    far = (ROWS < 40) & (ROWS >= 30) & (np.abs(COLUMNS - 62) < 6) & (notches == 2)
+    opening = POCKET | NOTCH | far
+    outline = broken._without_notches(opening, shown(FACE, opening))
+    assert np.count_nonzero(outline ^ POCKET) < 0.04 * np.count_nonzero(POCKET)
+
+
+@pytest.mark.parametrize(("share", "refuted"), [(0.3, True), (0.0, False)])
+def test_hull_below_an_opened_lid_is_a_floor_unless_views_refute_it(monkeypatch, share, refuted):
+    places = []
+
+    def asked(_images, _scene, xyz, normals, _pitch):
+        places.append((xyz, normals))
+        return np.full(len(xyz), share)
+
+    monkeypatch.setattr(broken, "refuted_share", asked)
+    wedge = OPENED & POCKET
+    assert (
+        broken._refuted_below(None, hull().scene(), shown(FACE, wedge), ndimage.binary_erosion(wedge, iterations=3))
+        == refuted
+    )
+    ((xyz, normals),) = places
+    assert xyz[:, 2] == pytest.approx(TOP - 0.1, abs=0.01)
+    assert normals @ [0, 0, 1] == pytest.approx(1.0, abs=0.01)
+    assert not broken._refuted_below(None, hull().scene(), shown(FACE, wedge), np.zeros(SHAPE, bool))

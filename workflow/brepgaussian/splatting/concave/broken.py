@@ -20,6 +20,7 @@ from brepgaussian.splatting.concave.openings import (
     is_framed,
     openings,
     rectify,
+    refuted_share,
 )
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import Section
@@ -33,6 +34,11 @@ _FRAME_CELLS = 24  # around what is left of the face: a rim may be no part of it
 _RIM_CELLS = 4  # between an opening's border and cells of the rim that are clear of its blur
 _LEAST_LID = 0.2  # of an opening is lid; what silhouettes have opened altogether needs no more
 _LEAST_GONE = 0.02  # of an opening is gone
+_NOTCHES = 0.5  # of the largest radius of a disc in an opening: narrower parts of it are notches
+_CORNER = np.sqrt(2) - 1  # of a disc's radius, from it to the tip of a right angle that it lies in
+_REFUTED_SHARE = 0.12  # of a place's views: then it is no surface
+_MOSTLY_REFUTED = 0.5  # of the hull below an opening: .94 measured where silhouettes had opened a pot's upper half
+_PLACES = 2000  # of that hull are looked at
 _NEAR_CELLS = 2.5  # from a disc's border: as far as an outline of cells is wrong
 _ROUNDS = 3  # of fits to what lies near
 _LEAST_TOLD = 0.4  # of a disc's border: one inscribed into a rectangle touches it in a few cells
@@ -62,7 +68,10 @@ def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -
         elif lid.sum() * stack.lattice.pitch**2 >= least_area:
             outline = _inscribed(opening, whole)  # slots that cross it have left little of the lid
         else:
-            continue
+            outline = _inscribed(opening, whole)
+            outline = outline if outline.any() else _without_notches(opening, whole)
+            if not _refuted_below(images, scene, whole, outline):
+                continue
         if (outline & gone).sum() >= _LEAST_GONE * outline.sum() and is_framed(whole, outline):
             found.append(outline)
     return (face, whole, found) if found else (stack, stack, [])
@@ -89,6 +98,31 @@ def _inscribed(opening: Outline, stack: Stack) -> Outline:
     turns = np.unique(np.round(np.arctan2(*(arcs - disc.center).T) * radius))  # one place for each cell of the border
     told = len(turns) / (2 * np.pi * radius)
     return _within(disc, opening, stack) if told >= _LEAST_TOLD else np.zeros_like(opening)
+
+
+def _without_notches(opening: Outline, stack: Stack) -> Outline:
+    """(R, C) the rectangle with round corners that the rim tells, where narrower notches do not go through it."""
+    away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
+    reach = _NOTCHES * float(away.max())
+    if not reach:
+        return np.zeros_like(opening)
+    beside = ndimage.distance_transform_edt(~(away > reach)) - reach  # what a disc of that radius fits into
+    places = border_of(opening)
+    cells = np.clip(np.round(places).astype(int), 0, np.array(opening.shape) - 1)
+    section = around(_rim(places[beside[tuple(cells.T)] <= _CORNER * reach + 1], opening, stack))
+    return np.zeros_like(opening) if section is None else _within(section, opening, stack)
+
+
+def _refuted_below(images: Images, scene: Scene, stack: Stack, outline: Outline) -> bool:
+    """Whether the hull below an outline (R, C), of which silhouettes have opened the lid altogether, is no floor."""
+    cells = stack.surface()[outline]
+    cells = cells[:: max(len(cells) // _PLACES, 1)]
+    down = np.broadcast_to(-stack.lattice.normal, cells.shape)
+    far, normals = scene.hits(cells, down)
+    met = np.isfinite(far)
+    places = cells[met] + far[met, None] * down[met]
+    share = refuted_share(images, scene, places, normals[met].astype(float), stack.lattice.pitch)
+    return bool(met.any() and (share > _REFUTED_SHARE).mean() >= _MOSTLY_REFUTED)
 
 
 def _radius(disc: Section) -> float:

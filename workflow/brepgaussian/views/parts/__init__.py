@@ -129,6 +129,7 @@ PARTS: dict[str, PartInfo] = {
     ),
     "cradle_block": PartInfo("mounts", "a shallow cylinder between narrow lands, grooves", HOLDOUT),
     "drive_plate": PartInfo("mounts", "a hexagonal hole through a boss, slots with round ends, a flat", HOLDOUT),
+    "split_hub": PartInfo("mounts", "a slit through a stepped hub, a counterbored hole across it, a keyway", HOLDOUT),
     "spoked_wheel": PartInfo("rounded", "a hub that stands out of a rim, seen between spokes", TUNED),
     "rounded_case": PartInfo("rounded", "all edges rounded, with balls in the corners", TUNED),
     "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", HOLDOUT),
@@ -141,10 +142,11 @@ PARTS: dict[str, PartInfo] = {
     "notched_pan": PartInfo("trays", "a post in a round pocket whose rim a notch breaks, over a square foot", TUNED),
     "relay_base": PartInfo("trays", "two posts in a pocket whose rim a notch breaks, and ears", HOLDOUT),
     "slotted_cup": PartInfo("trays", "a round pocket into which views look through a slot in its wall only", TUNED),
-    "spout_pot": PartInfo("trays", "a thin round wall with a spout cut into it, over a flange", HOLDOUT),
+    "spout_pot": PartInfo("trays", "a thin round wall with a spout cut into it, over a flange", TUNED),
     "sensor_dish": PartInfo("trays", "a square post in a round pocket, below its rim", HOLDOUT),
     "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", TUNED),
     "meter_box": PartInfo("trays", "a pad and a post in a pocket with round corners and a notch", HOLDOUT),
+    "drain_cup": PartInfo("trays", "a thin round wall with two slots, holes through the floor, a square foot", HOLDOUT),
 }
 
 

@@ -79,3 +79,14 @@ def drive_plate(s: Sizes) -> Part:
     for k in range(3):
         body -= Rot(0, 0, 60 + 120 * k) * Pos((rim + boss) / 2, 0, 0) * Rot(0, 0, 90) * slot
     return body - Pos(-rim - s(33, 0.02), 0, 0) * Box(2 * rim, BEYOND, BEYOND)
+
+
+def split_hub(s: Sizes) -> Part:
+    """A stepped hub with a slit through one side, a counterbored hole for its screw across that, and a keyway."""
+    rim, step, bore, wide, high = s(25, 0.05), s(18, 0.05), s(9, 0.05), s(18), s(10)
+    body = turn((bore, 0), (rim, 0), (rim, wide), (step, wide), (step, wide + high), (bore, wide + high))
+    body -= Pos(rim, 0, 0) * Box(2 * (rim - bore / 2), s(3), BEYOND)
+    body -= Pos(-bore, 0, 0) * Box(s(5), s(5), BEYOND)
+    at, hole = Pos((rim + bore) / 2, 0, wide / 2), s(2.5, 0.1)
+    body -= at * Rot(90, 0, 0) * Cylinder(hole, BEYOND)
+    return body - at * Pos(0, -s(8), 0) * Rot(90, 0, 0) * Cylinder(1.8 * hole, BEYOND, align=BOTTOM)

@@ -127,3 +127,16 @@ def spout_pot(s: Sizes) -> Part:
     for k in range(4):
         body -= Rot(0, 0, 45 + 90 * k) * Pos(reach, 0, 0) * Cylinder(hole, BEYOND)
     return body - Pos(-radius, 0, high * 0.65) * Box(radius, s(13), BEYOND, align=BOTTOM)
+
+
+def drain_cup(s: Sizes) -> Part:
+    """A round cup on a square foot, two slots of different depths in its rim, holes through its floor."""
+    radius, high, wall, foot, thick = s(21, 0.08), s(27), s(3.5, 0.1), s(60, 0.05), s(5)
+    body = Box(foot, foot, thick, align=BOTTOM) + Cylinder(radius, high, align=BOTTOM)
+    body -= Pos(0, 0, thick + s(2)) * Cylinder(radius - wall, BEYOND, align=BOTTOM)
+    for turn, deep in ((20, s(9)), (160, s(14))):
+        slot = Pos(radius, 0, high - deep) * Box(radius, s(8, 0.1), BEYOND, align=BOTTOM)
+        body -= Rot(0, 0, turn) * slot
+    for k in range(3):
+        body -= Rot(0, 0, 120 * k + 90) * Pos(radius * 0.45, 0, 0) * Cylinder(s(2.5, 0.1), BEYOND)
+    return body
