@@ -30,6 +30,7 @@ _LEAST_POINTS = 20
 _LEAST_TURN = np.radians(10.0)  # between the pieces
 _SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, is a cylinder or a plane,
 _LEANING = np.radians(25.0)  # or this near in a groove, which narrows in a hull
+_FLAT = np.radians(35.0)  # a cone as near to square to its axis may be a shoulder: 25 measured; of a drill tip 31
 _BREAKS = 160  # places along a profile at which pieces of a groove may meet
 
 
@@ -74,9 +75,9 @@ def flattened(patches: Sequence[Patch]) -> list[Change]:
     result: list[Change] = []
     for i, patch in enumerate(patches):
         axis = patch.surface.axis
-        flat = patch.surface.kind == "cone" and patch.surface.angle > np.pi / 2 - _LEANING
+        flat = patch.surface.kind == "cone" and patch.surface.angle > np.pi / 2 - _FLAT
         if patch.surface.kind == "torus":
-            flat = float(np.median(np.abs(patch.normals @ axis))) > np.cos(_LEANING)
+            flat = float(np.median(np.abs(patch.normals @ axis))) > np.cos(_FLAT)
         square = [n for n in normals if abs(float(n @ axis)) > _ALONG]
         if not (flat and square):
             continue
