@@ -1,6 +1,7 @@
 """Bosses in pockets, below their rims: geometry against boxes, and parts of other sizes than any that was looked at."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from brepgaussian.artifacts.truth import read_truth
 from brepgaussian.artifacts.views import read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave import Prism
+from brepgaussian.splatting.concave import carve as carve_module
+from brepgaussian.splatting.concave import islands as islands_module
 from brepgaussian.splatting.concave.bosses import _rectangles
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.scene import Scene
@@ -56,6 +59,45 @@ def test_surfels_lie_on_a_bosss_walls_and_on_its_top():
     assert on.piece[3] == -1  # in the middle of the boss
     assert np.allclose(on.foot[:3], [[0.53, 0.45, 0.3], [0.47, 0.45, 0.3], [0.5, 0.45, 0.4]])
     assert np.allclose(on.normal[:3], facing[:3])
+
+
+@pytest.mark.parametrize(("beside", "kept"), [(0.27, 2), (0.9, 3)], ids=["a part of the others", "a boss"])
+def test_a_boss_that_leaves_much_is_asked_once_more_beside_the_others(monkeypatch, beside, kept):
+    """Behind what is none, views see the others, which explain them as well."""
+    whole = pocket()
+    islands = [replace(whole.islands[0], error=e) for e in (0.16, 0.18, 0.6)]
+    asked = []
+
+    def seen(_rays, _standing, _cut, some):
+        asked.extend(some)
+        return [islands_module._Seen(some[0], 0.46 / beside, 0.75 * beside >= 0.46)]
+
+    monkeypatch.setattr(islands_module, "_seen", seen)
+    hull = SimpleNamespace(without=lambda *_: SimpleNamespace(scene=lambda: None))
+    told = [islands_module._Seen(island, island.error, True) for island in islands]
+    found = islands_module._beside_others(None, hull, whole, 0.0, told)
+    assert len(found) == kept
+    assert all(a is b for a, b in zip(found, islands, strict=False))
+    assert len(asked) == 1
+    assert asked[0] is islands[2]
+
+
+@pytest.mark.parametrize(("deeper", "again"), [(0.1, True), (0.01, False)])
+def test_bosses_are_sought_anew_where_a_floor_was_the_top_of_one(monkeypatch, deeper, again):
+    first = pocket()
+    taller = replace(first.islands[0], depth=0.25)
+    sought = []
+
+    def with_islands(_images, _hull, _uncut, known, k, _done):
+        sought.append(known[k])
+        return replace(known[k], islands=(taller, taller)), "filled"
+
+    monkeypatch.setattr(carve_module, "sounded", lambda _i, _s, p: replace(p, depth=max(p.depth, 0.3 + deeper)))
+    monkeypatch.setattr(carve_module, "_with_islands", with_islands)
+    found, hull = carve_module._sounded_again(None, None, "hull", None, [first], 0, [])
+    assert found.depth == pytest.approx(0.3 + deeper)
+    assert (len(found.islands), hull) == ((2, "filled") if again else (1, "hull"))
+    assert [(p.islands, p.depth) for p in sought] == [((), pytest.approx(0.3 + deeper))] * again
 
 
 @pytest.mark.parametrize(("part", "seed", "interreflection"), [("boss_tray", 5, 0.9), ("post_pan", 6, 0.0)])

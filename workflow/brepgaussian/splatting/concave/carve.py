@@ -35,6 +35,7 @@ _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a cur
 _LEAST_RAYS = 100  # that tell, for them to judge
 _LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8)
 _CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
+_MUCH_DEEPER = 4.0  # cells: floors and tops that views take for each other are farther apart
 _MOST_MET = 0.16  # of the rays contradict a deep blind opening with nothing in it: true ones have up to .07, more
 # where bosses stand in them; a strip that lay below its fillet had .18
 _DEEP_CELLS = 14  # of shallower ones, rays that hit the blur of a rim count for more: up to .17
@@ -101,7 +102,8 @@ def open_concavities(
                     hull = _whole(hull, uncut, known, k, done)
                 else:
                     known[k], hull = _with_islands(images, hull, uncut, known, k, done)
-                known[k] = sounded(images, scene, known[k]) if known[k].islands else known[k]
+                if known[k].islands:
+                    known[k], hull = _sounded_again(images, scene, hull, uncut, known, k, done)
             opened = hull.without(known[k], margins[k])
             if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):
                 hull = opened
@@ -165,6 +167,27 @@ def _with_islands(
     whole, margin = _whole(hull, uncut, known, k, done), hull.margin(known[k])
     prism = with_islands(images, whole, known[k], margin, likely)
     return prism, whole if prism.islands else hull
+
+
+def _sounded_again(
+    images: Images,
+    scene: Scene,
+    hull: Volume,
+    uncut: Volume | None,
+    known: Sequence[Prism],
+    k: int,
+    done: Sequence[int],
+) -> tuple[Prism, Volume]:
+    """One of the known concavities, in which something stands, as deep as its walls tell; others are `done` already.
+
+    Where it is much deeper than its floor was thought to be, that was the top of something: islands are sought anew.
+    """
+    prism = sounded(images, scene, known[k])
+    if prism.depth < known[k].depth + _MUCH_DEEPER * prism.lattice.pitch:
+        return prism, hull
+    bare = replace(prism, islands=())
+    found, whole = _with_islands(images, hull, uncut, _replaced(known, {k: bare}), k, done)
+    return (sounded(images, scene, found), whole) if found.islands else (prism, hull)
 
 
 def _whole(hull: Volume, uncut: Volume | None, known: Sequence[Prism], k: int, done: Sequence[int]) -> Volume:

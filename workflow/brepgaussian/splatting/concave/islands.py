@@ -32,6 +32,7 @@ _TURNS = 3  # in which tops are tried: one that is none may stand out more than 
 _TRIED_CELLS = 2.0  # between the height of a top that views don't believe and that of one which is worth a try
 _GAIN = 0.75  # share of the views' disagreement that a boss leaves at most where it is: with a hole in it .4-.7,
 # false ones .85 and more
+_SURE_LEFT = 0.5  # what leaves less stands there, whatever stands beside it: .1-.4 measured, .6 of what was none
 _LEAST_OFF = 0.5  # tolerances by which views disagree about what would be seen if there were none
 _LEAST_RAYS = 20  # that tell something, for them to judge
 
@@ -67,7 +68,7 @@ def with_islands(
     for one in sorted(found, key=lambda one: one.left / one.island.area**_LARGER):  # a part of one may fit as well
         if not any(_overlaps(one.island.outline, b.outline) for b in best):
             best.append(one.island)
-    kept = [one.island for one in _believed(rays, hull, prism, margin, cut, best)]
+    kept = _beside_others(rays, hull, prism, margin, _believed(rays, hull, prism, margin, cut, best))
     logger.info(
         "pocket of area %.4f: %d bosses in it, of heights %s", prism.area, len(kept), [round(i.depth, 4) for i in kept]
     )
@@ -148,6 +149,19 @@ def _believed(
     pitch = prism.lattice.pitch
     level = [i for i in islands if any(abs(i.depth - k.island.depth) <= LEVEL_CELLS * pitch for k in kept)]
     return [one for one in seen(level) if one.believed] if len(level) > len(kept) else kept
+
+
+def _beside_others(rays: Rays, hull: Volume, prism: Prism, margin: float, seen: Sequence[_Seen]) -> list[Prism]:
+    """The bosses, but for those that little speaks for once the others stand: views see these behind what is none."""
+    left = [one.island for one in seen]
+    for one in sorted(seen, key=lambda one: -one.left):
+        others = [island for island in left if island is not one.island]
+        if not others or one.left <= _SURE_LEFT:
+            break
+        both = [hull.without(replace(prism, islands=tuple(some)), margin).scene() for some in (left, others)]
+        if not _seen(rays, both[0], both[1], [one.island])[0].believed:
+            left = others
+    return left
 
 
 def _levelled(images: Images, cut: Scene, prism: Prism, top: Top) -> Top:

@@ -67,7 +67,7 @@ PARTS: dict[str, PartInfo] = {
     "countersink_plate": PartInfo("prismatic", "countersinks (cones into cylinders) and a slot with round ends", TUNED),
     "bearing_race": PartInfo("turned", "a shallow torus between cylinders, small chamfers", HOLDOUT),
     "link_rod": PartInfo("turned", "walls tangent to two cylinders", HOLDOUT),
-    "valve_stem": PartInfo("turned", "a narrow groove, a cross hole and flats on a cylinder beside a cone", HOLDOUT),
+    "valve_stem": PartInfo("turned", "a narrow groove, a cross hole and flats on a cylinder beside a cone", TUNED),
     "step_bracket": PartInfo(
         "machine", "a slot with round ends, a blind hole and rounded corners on two steps", HOLDOUT
     ),
@@ -79,7 +79,7 @@ PARTS: dict[str, PartInfo] = {
     "flanged_bushing": PartInfo("machine", "a rounded shoulder, chamfers and a hole through a curved wall", TUNED),
     "ribbed_base": PartInfo("machine", "thin ribs that run into a cylinder, a deep blind bore", TUNED),
     "hex_bolt": PartInfo("machine", "cone against planes in hyperbolas on one side, coaxial steps on the other", TUNED),
-    "adapter_stud": PartInfo("turned", "a hexagon and a collar between studs, a blind bore, chamfers", HOLDOUT),
+    "adapter_stud": PartInfo("turned", "a hexagon and a collar between studs, a blind bore, chamfers", TUNED),
     "keyed_shaft": PartInfo("fixture", "a blind keyway on a cylinder, a narrow ring groove, small chamfers", TUNED),
     "tube_connector": PartInfo(
         "fixture", "inner walls that only the ends show, a hidden shoulder, holes in pairs", TUNED
@@ -121,6 +121,7 @@ PARTS: dict[str, PartInfo] = {
     "stand_foot": PartInfo("fittings", "a cone between lugs, a deep blind hole, a shallow recess", HOLDOUT),
     "bent_plate": PartInfo("fittings", "rounded inner corners on either side of a thin wall", TUNED),
     "tee_lever": PartInfo("fittings", "small chamfers that end in a boss and a pad", HOLDOUT),
+    "union_nut": PartInfo("fittings", "a hexagon under a neck, a stepped bore with a conical seat", HOLDOUT),
     "motor_mount": PartInfo("mounts", "oblique slots with round ends, a low ring around a bore", HOLDOUT),
     "spindle_nose": PartInfo("mounts", "a slender cone between steps, flats that end on a cylinder", HOLDOUT),
     "lock_plate": PartInfo("mounts", "counterbores close to walls, a notch, one rounded corner", HOLDOUT),
@@ -130,6 +131,8 @@ PARTS: dict[str, PartInfo] = {
     "cradle_block": PartInfo("mounts", "a shallow cylinder between narrow lands, grooves", HOLDOUT),
     "drive_plate": PartInfo("mounts", "a hexagonal hole through a boss, slots with round ends, a flat", HOLDOUT),
     "split_hub": PartInfo("mounts", "a slit through a stepped hub, a counterbored hole across it, a keyway", HOLDOUT),
+    "rail_carriage": PartInfo("mounts", "a groove with sloped sides, blind holes across two faces", HOLDOUT),
+    "pillow_foot": PartInfo("mounts", "a wedge over a plate, a bore through a leaning face, slots", HOLDOUT),
     "spoked_wheel": PartInfo("rounded", "a hub that stands out of a rim, seen between spokes", TUNED),
     "rounded_case": PartInfo("rounded", "all edges rounded, with balls in the corners", TUNED),
     "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", HOLDOUT),
@@ -145,7 +148,8 @@ PARTS: dict[str, PartInfo] = {
     "spout_pot": PartInfo("trays", "a thin round wall with a spout cut into it, over a flange", TUNED),
     "sensor_dish": PartInfo("trays", "a square post in a round pocket, below its rim", HOLDOUT),
     "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", TUNED),
-    "meter_box": PartInfo("trays", "a pad and a post in a pocket with round corners and a notch", HOLDOUT),
+    "meter_box": PartInfo("trays", "a pad and a post in a pocket with round corners and a notch", TUNED),
+    "battery_case": PartInfo("trays", "a low wall across a pocket, two notches in its rim", HOLDOUT),
     "drain_cup": PartInfo("trays", "a thin round wall with two slots, holes through the floor, a square foot", HOLDOUT),
 }
 

@@ -108,3 +108,15 @@ def tee_lever(s: Sizes) -> Part:
     body -= Cylinder(s(5.5), BEYOND)
     body -= Pos(0, -stem, 0) * Cylinder(s(3), BEYOND)
     return body - Pos(-long * 0.38, 0, 0) * Cylinder(s(2.8), BEYOND)
+
+
+def union_nut(s: Sizes) -> Part:
+    """A hexagon under a round neck, bored in two widths with a conical seat between them, chamfered above."""
+    apothem, wide, neck, tall, edge = s(17, 0.06), s(12), s(15, 0.05), s(14), s(1.5)
+    bore, narrow, deep, seat = s(10, 0.06), s(6, 0.06), s(15), s(3)
+    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), wide)
+    top = wide + tall
+    body += turn((0, 0), (neck, 0), (neck, top - edge), (neck - edge, top), (0, top))
+    return body - turn(
+        (0, -1), (narrow, -1), (narrow, top - deep - seat), (bore, top - deep), (bore, top + 1), (0, top + 1)
+    )

@@ -1,6 +1,20 @@
 """Bundled parts that hold others: plates, collars, cradles, made for scoring only."""
 
-from build123d import Axis, Box, Circle, Cylinder, Part, Polygon, Pos, RegularPolygon, Rot, SlotOverall, extrude, fillet
+from build123d import (
+    Axis,
+    Box,
+    Circle,
+    Cylinder,
+    Part,
+    Plane,
+    Polygon,
+    Pos,
+    RegularPolygon,
+    Rot,
+    SlotOverall,
+    extrude,
+    fillet,
+)
 
 from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
 from brepgaussian.views.parts.sizes import Sizes
@@ -90,3 +104,28 @@ def split_hub(s: Sizes) -> Part:
     at, hole = Pos((rim + bore) / 2, 0, wide / 2), s(2.5, 0.1)
     body -= at * Rot(90, 0, 0) * Cylinder(hole, BEYOND)
     return body - at * Pos(0, -s(8), 0) * Rot(90, 0, 0) * Cylinder(1.8 * hole, BEYOND, align=BOTTOM)
+
+
+def rail_carriage(s: Sizes) -> Part:
+    """A block that runs on a rail: a groove with sloped sides below, four blind holes above, a hole for its grease."""
+    long, wide, high, groove, deep = s(56), s(46), s(22), s(18), s(10)
+    lean = s(4, 0.1)
+    body = Box(long, wide, high, align=BOTTOM)
+    sides = ((-groove / 2, -1), (groove / 2, -1), (groove / 2 + lean, deep), (-groove / 2 - lean, deep))
+    body -= extrude(Plane.YZ * Polygon(*sides, align=None), BEYOND, both=True)
+    for x in (-1, 1):
+        for y in (-1, 1):
+            body -= Pos(x * long * 0.32, y * wide * 0.34, high - s(8)) * Cylinder(s(2.6, 0.1), BEYOND, align=BOTTOM)
+    return body - Pos(0, wide / 2, high * 0.75) * Rot(90, 0, 0) * Cylinder(s(2.2, 0.1), 2 * s(9))
+
+
+def pillow_foot(s: Sizes) -> Part:
+    """A foot with two slotted ears and a leaning face that carries a round boss with a bore square to it."""
+    long, wide, thick, tall = s(64), s(30), s(8), s(26)
+    body = Box(long, wide, thick, align=BOTTOM)
+    wedge = ((-s(15), thick), (s(15), thick), (s(15), thick + tall), (s(3), thick + tall))
+    body += extrude(Plane.XZ * Polygon(*wedge, align=None), wide / 2, both=True)
+    body -= Pos(0, 0, thick + tall / 2) * Rot(0, 90, 0) * Cylinder(s(6, 0.1), BEYOND)
+    for side in (-1, 1):
+        body -= Pos(side * long * 0.38, 0, 0) * Rot(0, 0, 90) * extrude(SlotOverall(s(14), s(6)), BEYOND, both=True)
+    return body

@@ -140,3 +140,14 @@ def drain_cup(s: Sizes) -> Part:
     for k in range(3):
         body -= Rot(0, 0, 120 * k + 90) * Pos(radius * 0.45, 0, 0) * Cylinder(s(2.5, 0.1), BEYOND)
     return body
+
+
+def battery_case(s: Sizes) -> Part:
+    """A case whose floor a low wall divides, with two notches of different widths in one of its walls."""
+    length, width, high, floor, wall = s(84), s(52), s(24), s(5), s(4.5, 0.1)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Box(length - 2 * wall, width - 2 * wall, BEYOND, align=BOTTOM)
+    body += Pos(length * 0.12, 0, floor) * Box(s(4, 0.1), width - wall, s(11), align=BOTTOM)
+    for x, wide in ((-0.25, s(9)), (0.3, s(14))):
+        body -= Pos(x * length, width / 2, high - s(6)) * Box(wide, 3 * wall, BEYOND, align=BOTTOM)
+    return body
