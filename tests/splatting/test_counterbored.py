@@ -1,10 +1,13 @@
 """Counterbores in curved faces, about the mouths of holes that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import Images
+from brepgaussian.splatting.concave import Images, find
 from brepgaussian.splatting.concave.counterbored import counterbored
-from brepgaussian.splatting.concave.curved import spot_around
+from brepgaussian.splatting.concave.curved import leaning_ways, spot_around
+from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
 from build123d import Align, Cylinder, Pos, Rot
@@ -76,3 +79,37 @@ def test_a_curved_face_is_told_square_to_itself_and_seen_along_a_hole(lean):
     near = np.linalg.norm((places - middle)[..., [0, 2]], axis=-1) < 0.09
     assert spot.lattice.normal == pytest.approx(WAY)
     assert np.abs(np.hypot(*np.moveaxis(places[near][:, :2] - 0.5, -1, 0)) - 0.5).max() < 0.003
+
+
+@pytest.mark.parametrize("lean", [30.0, 45.0])
+def test_an_oblong_mouth_tells_two_ways_that_its_hole_may_lean(lean):
+    angle = np.radians(lean)
+    turn, out = np.random.default_rng(3).uniform(0, 1, (2, 4000))
+    disc = np.sqrt(out)[:, None] * np.column_stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)])
+    mouth = np.column_stack([disc[:, 0] / np.cos(angle), disc[:, 1], np.zeros(4000)])
+    ways = leaning_ways(mouth, np.array([0, 0, 1.0]))
+    for sign in (1, -1):
+        true = np.array([sign * np.sin(angle), 0, np.cos(angle)])
+        assert max(float(true @ way) for way in ways) > np.cos(np.radians(2.0))
+    assert leaning_ways(np.column_stack([disc, np.zeros(4000)]), np.array([0, 0, 1.0])) == []
+    assert leaning_ways(np.column_stack([4 * disc[:, 0], disc[:, 1], np.zeros(4000)]), np.array([0, 0, 1.0])) == []
+
+
+@pytest.mark.parametrize(
+    ("way", "snapped"),
+    [((0.06, 0.998, 0.0), (0, 1, 0)), ((0.03, 0.02, -0.999), (0, 0, -1)), ((0.7, 0.71, 0.06), (0.702, 0.712, 0))],
+)
+def test_ways_are_square_to_faces_or_along_them_where_they_nearly_are(way, snapped):
+    planes = [Plane(np.array([0, 0, 1.0]), 0.5), Plane(np.array([1.0, 0, 0]), 0.5)]
+    assert find._snapped(np.array(way), planes) == pytest.approx(snapped, abs=0.001)
+
+
+@pytest.mark.parametrize(("error", "leans"), [(0.04, True), (0.1, False)])
+def test_a_hole_leans_if_far_fewer_rays_contradict_it(error, leans):
+    def told(value):
+        return [(replace(known(0.0), error=value), np.zeros((3, 3)))]
+
+    straight, leaning = told(0.12), told(error)
+    assert find._told_best(straight, [[], told(0.11), leaning]) is (leaning if leans else straight)
+    assert find._told_best([], [leaning]) is leaning
+    assert find._told_best(straight, []) is straight

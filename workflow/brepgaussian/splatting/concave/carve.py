@@ -131,7 +131,7 @@ def open_concavities(
         if further is not prism:
             known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
             scene = hull.scene(known)
-    in_curved = find_curved(images, scene, hull.spacing, known)
+    in_curved = find_curved(images, scene, hull.spacing, known, planes)
     hull, known = _with_agreeable(images, hull, known, in_curved)
     return *_with_agreeable(images, hull, known, counterbored(images, hull.scene(known), hull.spacing, known)), bends
 

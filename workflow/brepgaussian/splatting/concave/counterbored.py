@@ -98,7 +98,7 @@ def _about(images: Images, scene: Scene, cell: float, middle: Array, way: Array,
         if stack is None or outline is None or not (_is_round(outline) and is_framed(stack, outline)):
             continue
         wide = float(np.sqrt(np.count_nonzero(outline) / np.pi)) * pitch
-        if not _NARROWEST * radius < wide < times * radius:
+        if not _NARROWEST * radius < wide < _WIDTHS[0] * radius:
             continue
         prism, share = _down_to_shoulder(images, scene, stack, outline, radius)
         good = prism is not None and share < _MOST_LEFT

@@ -29,6 +29,7 @@ _MOST_SPOTS = 8  # looked at, largest first, for either distance
 _REACH = 1.7  # of a spot's radius: the face around it that tells the lid's shape
 _OBLONG = 1.6  # times as long as wide: a keyway, around which the face is looked at as far as it is wide
 _MARGIN_CELLS = 6.0
+_LEANING = 20.0, 60.0  # degrees by which an oblong mouth tells a hole to lean; of less its cells don't tell
 _DEGREE = 4  # of the polynomial: a cylinder over 45 degrees is off by .0003 of its radius
 _REWEIGHTINGS = 8
 _SMOOTH_SHARE = 0.8  # of the hull around a spot lies on the polynomial; edges and corners don't
@@ -132,6 +133,21 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
     top = float(heights.max())
     origin = center + top * normal - (count[0] * first + count[1] * second) * pitch / 2
     return Spot(Lattice(origin, first, second, normal, pitch, (int(count[0]), int(count[1]))), top - heights)
+
+
+def leaning_ways(places: Array, normal: Array) -> list[Array]:
+    """(3,) unit directions in which a round hole may lean that has an oblong mouth: places (N, 3) of a face's lid.
+
+    None if the mouth is nearly round, or as long as a slot.
+    """
+    offset = places - places.mean(axis=0)
+    offset -= (offset @ normal)[:, None] * normal
+    spread, axes = np.linalg.svd(offset, full_matrices=False)[1:]
+    ratio = float(spread[1] / max(spread[0], 1e-12))
+    if not _LEANING[0] < np.degrees(np.arccos(min(ratio, 1.0))) < _LEANING[1]:
+        return []
+    aside = float(np.sqrt(1 - ratio**2)) * axes[0]
+    return [ratio * normal + sign * aside for sign in (1.0, -1.0)]
 
 
 def _extent(offsets: Array, cell: float) -> tuple[Array, Array | None]:

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.broken import broken_rims
-from brepgaussian.splatting.concave.curved import spot_around, spots
+from brepgaussian.splatting.concave.curved import leaning_ways, spot_around, spots
 from brepgaussian.splatting.concave.deeper import is_whole, surely_deeper
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.drilled import drilled, ringed
@@ -43,6 +43,8 @@ _OVERLAP = 0.2  # share of an opening that may belong to a better one
 _WITHIN = 0.8  # of a recess around a hub lies in one that goes under it
 _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 5.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
+_LEANING_ERROR = 0.6  # of the rays that contradict a hole square to its face contradict one that leans, at most
+_NEARLY = np.radians(6.0)  # from square, or from along: meant to be that
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 
 Array = NDArray[np.float64]
@@ -89,7 +91,9 @@ def find_prisms(
     return [prism for prism, _ in completed(found, again)]
 
 
-def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism] = ()) -> list[Prism]:
+def find_curved(
+    images: Images, scene: Scene, cell: float, known: Sequence[Prism] = (), planes: Sequence[Plane] = ()
+) -> list[Prism]:
     """Find holes and pockets in the curved faces of a hull, clear of those that are `known`; see `find_prisms`."""
     footprint = images.views.cameras.footprint()
     pitch, width = PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
@@ -118,7 +122,8 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
             if not is_framed(stack, outline) or _is_open(places, scene, [*known, *facing], cell, pitch):
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
-            below = under(places)
+            ways = [_snapped(way, planes) for way in leaning_ways(places, spot.lattice.normal)]
+            below = _told_best(under(places), [under(places, way) for way in ways])
             if _is_over(places, _prisms(found), cell):  # a hole that leans may come out there, too
                 ends += _prisms(below)
             found += below
@@ -127,6 +132,31 @@ def find_curved(images: Images, scene: Scene, cell: float, known: Sequence[Prism
         if far is not None and not _is_open(far, scene, [*known, *_prisms(found)], cell, pitch):
             found += under(far)
     return [prism for prism in in_line(found, under) if not any(prism is end for end in ends)]
+
+
+def _told_best(
+    straight: list[tuple[Prism, Array]], leaning: list[list[tuple[Prism, Array]]]
+) -> list[tuple[Prism, Array]]:
+    """What lies under a lid square to its face or, if far fewer rays contradict it, along a way that it leans.
+
+    A face's normal is not the direction of a hole that was drilled across, off the middle of a shaft.
+    """
+    best = min(filter(None, leaning), key=lambda some: some[0][0].error, default=[])
+    if best and (not straight or best[0][0].error < _LEANING_ERROR * straight[0][0].error):
+        return best
+    return straight
+
+
+def _snapped(way: Array, planes: Sequence[Plane]) -> Array:
+    """A direction (3,) that an oblong mouth tells to a few degrees, square to faces or along them if it nearly is."""
+    for plane in planes:
+        if abs(plane.normal @ way) > np.cos(_NEARLY):
+            return np.asarray(np.copysign(1.0, plane.normal @ way) * plane.normal)
+    for plane in planes:
+        if abs(plane.normal @ way) < np.sin(_NEARLY):
+            way = way - (way @ plane.normal) * plane.normal
+            way = way / np.linalg.norm(way)
+    return way
 
 
 def _prisms(found: Sequence[tuple[Prism, Array]]) -> list[Prism]:
