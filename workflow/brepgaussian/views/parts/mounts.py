@@ -129,3 +129,16 @@ def pillow_foot(s: Sizes) -> Part:
     for side in (-1, 1):
         body -= Pos(side * long * 0.38, 0, 0) * Rot(0, 0, 90) * extrude(SlotOverall(s(14), s(6)), BEYOND, both=True)
     return body
+
+
+def cam_plate(s: Sizes) -> Part:
+    """A plate with an eccentric disk, a slot beside it, and counterbored holes at three of its corners."""
+    long, wide, thick, disk, tall = s(70), s(46), s(9), s(14, 0.06), s(11)
+    body = Box(long, wide, thick, align=BOTTOM)
+    body += Pos(-long * 0.12, s(2), thick) * Cylinder(disk, tall, align=BOTTOM)
+    body -= Pos(-long * 0.12 + s(4), s(2), 0) * Cylinder(s(5, 0.1), BEYOND)
+    body -= Pos(long * 0.32, 0, 0) * Rot(0, 0, 90) * extrude(SlotOverall(s(24), s(7)), BEYOND, both=True)
+    for x, y in ((-1, -1), (-1, 1), (1, -1)):
+        at = Pos(x * long * 0.42, y * wide * 0.38, 0)
+        body -= at * Cylinder(s(1.9, 0.05), BEYOND) + at * Pos(0, 0, thick - s(3)) * Cylinder(3.4, BEYOND, align=BOTTOM)
+    return body

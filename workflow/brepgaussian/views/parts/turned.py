@@ -197,3 +197,22 @@ def knob(s: Sizes) -> Part:
     stem = s(22)
     body += Pos(0, 0, -cut - stem) * Cone(neck, base * 0.85, stem, align=BOTTOM)
     return body - Pos(0, 0, -cut - stem) * extrude(Circle(s(5)), s(16))
+
+
+def jet_body(s: Sizes) -> Part:
+    """A stepped body with a conical tip, flats on its head, a blind bore from behind and two ports into it."""
+    head, high, body_r, long, tip = s(15, 0.06), s(10), s(10, 0.06), s(26), s(8)
+    body = turn(
+        (0, 0),
+        (head, 0),
+        (head, high),
+        (body_r, high),
+        (body_r, high + long),
+        (s(4), high + long + tip),
+        (0, high + long + tip),
+    )
+    body -= Cylinder(s(5, 0.08), 2 * (high + s(16)))
+    body -= Pos(0, 0, high + s(9)) * Rot(90, 0, 0) * Cylinder(s(2.2, 0.08), BEYOND)
+    for side in (-1, 1):
+        body -= Pos(side * (head * 0.8 + head), 0, 0) * Box(2 * head, 4 * head, 2 * high)
+    return body
