@@ -52,7 +52,8 @@ def known(aside: float) -> Prism:
 def test_a_counterbore_about_a_known_hole_goes_down_to_its_shoulder(tmp_path, aside, wide, floor):
     views, _ = rendered(tmp_path, drum(aside, wide, floor), 40, 500)
     hull = hull_of(aside)
-    (found,) = counterbored(Images.of(views, 0.0), hull.scene(), hull.spacing, [known(aside)])
+    twice = [known(aside), known(aside)]
+    (found,) = counterbored(Images.of(views, 0.0), hull.scene(), hull.spacing, twice)
     bottom = found.middle - found.depth * found.lattice.normal
     assert found.lattice.normal == pytest.approx(WAY, abs=0.01)
     assert np.sqrt(found.area / np.pi) == pytest.approx(wide / SIZE, abs=0.004)

@@ -52,15 +52,21 @@ def counterbored(images: Images, scene: Scene, cell: float, known: Sequence[Pris
         cell: its resolution.
         known: concavities of it.
     """
-    found = []
-    for hole in known:
-        if not _is_straight(hole):
-            continue
+    found: list[Prism] = []
+    for hole in filter(_is_straight, known):
         for middle, way in _mouths(hole, scene):
+            if any(_is_about(other, middle, way) for other in found):
+                continue  # a hole may be known twice, from either end
             prism = _about(images, scene, cell, middle, way, throat(hole))
             if prism is not None:
                 found.append(prism)
     return found
+
+
+def _is_about(prism: Prism, middle: Array, way: Array) -> bool:
+    """Whether a concavity that opens along a way (3,) goes around a place (3,)."""
+    cells, _ = prism.lattice.coordinates(middle[None])
+    return bool(way @ prism.lattice.normal > 0 and prism.lateral(cells)[0] < 0)
 
 
 def _is_straight(hole: Prism) -> bool:
