@@ -8,6 +8,7 @@ from brepgaussian.splatting.concave.draw import around, border_of
 from brepgaussian.splatting.concave.openings import LID, WALL, Stack
 from brepgaussian.splatting.concave.planes import Plane, region_on
 from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.sections import Rounded, Section
 from brepgaussian.splatting.concave.volume import Volume
 from build123d import Align, Box, Cylinder, Pos
 from rendered import missed, rendered
@@ -148,7 +149,8 @@ def test_a_pot_through_whose_notch_silhouettes_have_opened_its_upper_half(tmp_pa
 def test_a_rectangle_is_told_without_the_notches_through_its_rim(notches):
     far = (ROWS < 40) & (ROWS >= 30) & (np.abs(COLUMNS - 62) < 6) & (notches == 2)
     opening = POCKET | NOTCH | far
-    outline = broken._without_notches(opening, shown(FACE, opening))
+    section = broken._without_notches(opening, shown(FACE, opening))
+    outline = section.signed_distance(np.stack([ROWS, COLUMNS], axis=-1).astype(float)) <= 0
     assert np.count_nonzero(outline ^ POCKET) < 0.04 * np.count_nonzero(POCKET)
 
 
@@ -170,3 +172,15 @@ def test_hull_below_an_opened_lid_is_a_floor_unless_views_refute_it(monkeypatch,
     assert xyz[:, 2] == pytest.approx(TOP - 0.1, abs=0.01)
     assert normals @ [0, 0, 1] == pytest.approx(1.0, abs=0.01)
     assert not broken._refuted_below(None, hull().scene(), shown(FACE, wedge), np.zeros(SHAPE, bool))
+
+
+@pytest.mark.parametrize(("wide", "open_side", "walled"), [(8, False, True), (40, True, False), (0, False, True)])
+@pytest.mark.parametrize("half", [(30.0, 20.0), (20.0, 30.0), (25.0, 25.0)])
+def test_a_pocket_is_walled_in_on_all_sides_and_a_slots_end_is_not(wide, open_side, walled, half):
+    """A notch leaves some of its side; a slot, seen from its end, has none on one of them."""
+    section = Section((50.0, 40.0), 0.2, Rounded(half, 25.0 if half[0] == half[1] else 0.0))
+    rim = section.border(400)
+    at = section.local(rim)
+    gone = (at[:, 0] > 0) & (np.abs(at[:, 0]) / half[0] > np.abs(at[:, 1]) / half[1])
+    rim = rim[~(gone & ((np.abs(at[:, 1]) < wide / 2) | open_side))]
+    assert broken._walled_in(section, rim) == walled

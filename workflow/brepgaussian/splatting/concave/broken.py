@@ -5,6 +5,8 @@ Where the hull lies below a face's plane, within the face's outline, nothing is;
 refute belongs to one opening, as far as the rest of the lid spans it. The notch itself goes on beyond that.
 """
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -23,7 +25,7 @@ from brepgaussian.splatting.concave.openings import (
     refuted_share,
 )
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.concave.sections import Section
+from brepgaussian.splatting.concave.sections import Rounded, Section
 
 Array = NDArray[np.float64]
 Outline = NDArray[np.bool_]
@@ -35,6 +37,7 @@ _RIM_CELLS = 4  # between an opening's border and cells of the rim that are clea
 _LEAST_LID = 0.2  # of an opening is lid; what silhouettes have opened altogether needs no more
 _LEAST_GONE = 0.02  # of an opening is gone
 _NOTCHES = 0.5  # of the largest radius of a disc in an opening: narrower parts of it are notches
+_LEAST_SIDE = 0.2  # of each side of such an opening is rim
 _CORNER = np.sqrt(2) - 1  # of a disc's radius, from it to the tip of a right angle that it lies in
 _REFUTED_SHARE = 0.12  # of a place's views: then it is no surface
 _MOSTLY_REFUTED = 0.5  # of the hull below an opening: .94 measured where silhouettes had opened a pot's upper half
@@ -68,8 +71,10 @@ def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -
         elif lid.sum() * stack.lattice.pitch**2 >= least_area:
             outline = _inscribed(opening, whole)  # slots that cross it have left little of the lid
         else:
-            outline = _inscribed(opening, whole)
-            outline = outline if outline.any() else _without_notches(opening, whole)
+            section = _disc(opening, whole) or _without_notches(opening, whole)
+            if section is None or not _walled_in(section, _rim(border_of(opening), opening, whole)):
+                continue
+            outline = _within(section, opening, whole)
             if not _refuted_below(images, scene, whole, outline):
                 continue
         if (outline & gone).sum() >= _LEAST_GONE * outline.sum() and is_framed(whole, outline):
@@ -85,6 +90,12 @@ def _completed(outline: Outline, opening: Outline, stack: Stack) -> Outline:
 
 def _inscribed(opening: Outline, stack: Stack) -> Outline:
     """(R, C) the largest disc in an opening, if arcs of the rim lie on its border; else nothing."""
+    disc = _disc(opening, stack)
+    return np.zeros_like(opening) if disc is None else _within(disc, opening, stack)
+
+
+def _disc(opening: Outline, stack: Stack) -> Section | None:
+    """The largest disc in an opening (R, C), if arcs of the rim lie on its border."""
     away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
     disc = circle([*(float(k) for k in np.unravel_index(int(np.argmax(away)), away.shape)), float(away.max())])
     rim = _rim(border_of(opening), opening, stack)
@@ -92,25 +103,37 @@ def _inscribed(opening: Outline, stack: Stack) -> Outline:
         arcs = rim[np.abs(disc.signed_distance(rim)) <= _NEAR_CELLS]
         found = nearest(arcs, circle, [*disc.center, _radius(disc)])
         if found is None:
-            return np.zeros_like(opening)
+            return None
         disc = found
     radius = _radius(disc)
     turns = np.unique(np.round(np.arctan2(*(arcs - disc.center).T) * radius))  # one place for each cell of the border
     told = len(turns) / (2 * np.pi * radius)
-    return _within(disc, opening, stack) if told >= _LEAST_TOLD else np.zeros_like(opening)
+    return disc if told >= _LEAST_TOLD else None
 
 
-def _without_notches(opening: Outline, stack: Stack) -> Outline:
-    """(R, C) the rectangle with round corners that the rim tells, where narrower notches do not go through it."""
+def _without_notches(opening: Outline, stack: Stack) -> Section | None:
+    """The rectangle with round corners that the rim of an opening (R, C) tells, but for narrow notches through it."""
     away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
     reach = _NOTCHES * float(away.max())
     if not reach:
-        return np.zeros_like(opening)
+        return None
     beside = ndimage.distance_transform_edt(~(away > reach)) - reach  # what a disc of that radius fits into
     places = border_of(opening)
     cells = np.clip(np.round(places).astype(int), 0, np.array(opening.shape) - 1)
-    section = around(_rim(places[beside[tuple(cells.T)] <= _CORNER * reach + 1], opening, stack))
-    return np.zeros_like(opening) if section is None else _within(section, opening, stack)
+    return around(_rim(places[beside[tuple(cells.T)] <= _CORNER * reach + 1], opening, stack))
+
+
+def _walled_in(section: Section, rim: Array) -> bool:
+    """Whether places (N, 2) of a rim lie on all four sides of a section: at a slot's end, one of them is open."""
+    assert isinstance(section.shape, Rounded)
+    half = np.array(section.shape.half)
+    at = section.local(rim[np.abs(section.signed_distance(rim)) <= _NEAR_CELLS])
+    axis = np.argmax(np.abs(at) / half, axis=1)
+    for side, sign in product((0, 1), (1, -1)):
+        on = (axis == side) & (sign * at[:, side] > 0)
+        if len(np.unique(np.round(at[on, 1 - side]))) < _LEAST_SIDE * 2 * half[1 - side]:
+            return False
+    return True
 
 
 def _refuted_below(images: Images, scene: Scene, stack: Stack, outline: Outline) -> bool:

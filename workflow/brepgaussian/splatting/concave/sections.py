@@ -201,14 +201,15 @@ class Section:
     misfit: float = 0.0
     at_rim: bool = False
 
-    def _local(self, cells: Array) -> Array:
+    def local(self, cells: Array) -> Array:
+        """(..., 2) places (..., 2) in the shape's own axes, about its centre."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         d = cells - np.array(self.center)
         return np.stack([d[..., 0] * c + d[..., 1] * s, d[..., 1] * c - d[..., 0] * s], axis=-1)
 
     def signed_distance(self, cells: Array) -> Array:
         """(...) distance of places (..., 2) to the border, in cells, negative inside."""
-        return self.shape.signed_distance(self._local(cells))
+        return self.shape.signed_distance(self.local(cells))
 
     def gradient(self, cells: Array) -> Array:
         """(N, 2) unit directions at places (N, 2) out of the section, away from its nearest border."""
@@ -218,11 +219,11 @@ class Section:
 
     def pieces(self, cells: Array) -> NDArray[np.int64]:
         """(N,) which piece of the border is next to places (N, 2), below `PIECES`; each is a face of the wall."""
-        return self.shape.pieces(self._local(cells))
+        return self.shape.pieces(self.local(cells))
 
     def near_corners(self, cells: Array, distance: float) -> NDArray[np.bool_]:
         """(N,) whether places (N, 2) are nearer than `distance` cells to a corner between two pieces."""
-        away = np.linalg.norm(self._local(cells)[:, None] - self.shape.corners(), axis=-1)
+        away = np.linalg.norm(self.local(cells)[:, None] - self.shape.corners(), axis=-1)
         return np.asarray((away < distance).any(axis=1))
 
     def grown(self, by: float) -> "Section":
