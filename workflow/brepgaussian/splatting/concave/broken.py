@@ -15,6 +15,7 @@ from skimage.morphology import convex_hull_image
 from brepgaussian.splatting.concave.draw import around, border_of, circle, nearest
 from brepgaussian.splatting.concave.openings import (
     OPENING_CELLS,
+    REFUTED_SHARE,
     SURFACE_SHARE,
     Images,
     Stack,
@@ -39,7 +40,6 @@ _LEAST_GONE = 0.02  # of an opening is gone
 _NOTCHES = 0.5  # of the largest radius of a disc in an opening: narrower parts of it are notches
 _LEAST_SIDE = 0.2  # of each side of such an opening is rim
 _CORNER = np.sqrt(2) - 1  # of a disc's radius, from it to the tip of a right angle that it lies in
-_REFUTED_SHARE = 0.12  # of a place's views: then it is no surface
 _MOSTLY_REFUTED = 0.5  # of the hull below an opening: .94 measured where silhouettes had opened a pot's upper half
 _PLACES = 2000  # of that hull are looked at
 _NEAR_CELLS = 2.5  # from a disc's border: as far as an outline of cells is wrong
@@ -145,7 +145,7 @@ def _refuted_below(images: Images, scene: Scene, stack: Stack, outline: Outline)
     met = np.isfinite(far)
     places = cells[met] + far[met, None] * down[met]
     share = refuted_share(images, scene, places, normals[met].astype(float), stack.lattice.pitch)
-    return bool(met.any() and (share > _REFUTED_SHARE).mean() >= _MOSTLY_REFUTED)
+    return bool(met.any() and (share > REFUTED_SHARE).mean() >= _MOSTLY_REFUTED)
 
 
 def _radius(disc: Section) -> float:

@@ -131,16 +131,17 @@ def open_concavities(
         if further is not prism:
             known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
             scene = hull.scene(known)
-    in_curved = find_curved(images, scene, hull.spacing, known, planes)
-    hull, known = _with_agreeable(images, hull, known, in_curved)
-    return *_with_agreeable(images, hull, known, counterbored(images, hull.scene(known), hull.spacing, known)), bends
+    hull, known = _with_agreeable(images, hull, scene, known, find_curved(images, scene, hull.spacing, known, planes))
+    scene = hull.scene(known)
+    hull, known = _with_agreeable(images, hull, scene, known, counterbored(images, scene, hull.spacing, known))
+    return hull, known, bends
 
 
 def _with_agreeable(
-    images: Images, hull: Volume, known: Sequence[Prism], found: Sequence[Prism]
+    images: Images, hull: Volume, scene: Scene, known: Sequence[Prism], found: Sequence[Prism]
 ) -> tuple[Volume, list[Prism]]:
     """The hull opened by concavities in its curved faces, as far as views agree better then, and all that are known."""
-    margin, scene, result = MARGIN_CELLS * hull.spacing, hull.scene(known), list(known)
+    margin, result = MARGIN_CELLS * hull.spacing, list(known)
     for prism in found:
         if prism.section is None:
             prism = drawn(images, scene, hull, prism, margin)

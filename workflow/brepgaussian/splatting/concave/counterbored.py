@@ -16,11 +16,12 @@ from brepgaussian.splatting.concave.curved import spot_around
 from brepgaussian.splatting.concave.depth import looked_into
 from brepgaussian.splatting.concave.draw import circle
 from brepgaussian.splatting.concave.join import throat
-from brepgaussian.splatting.concave.openings import Images, Stack, is_framed, opened, rectify
+from brepgaussian.splatting.concave.openings import SURELY_SHARE, Images, Stack, is_framed, opened, rectify
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS
 from brepgaussian.splatting.concave.prism import Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import Opening, Shape
+from brepgaussian.splatting.concave.shoulders import is_round
 
 Array = NDArray[np.float64]
 
@@ -29,11 +30,9 @@ _NARROWEST = 1.15  # times; less is a rim that is off
 _BESIDE = 1.2  # of a hole's radius: there the face about its mouth is looked for
 _PLACES = 32  # on a circle
 _BEYOND = 3.0  # unit frame; clear of the object
-_ROUND = 1.15  # of the radius that its area tells, to an opening's farthest cell
 _RAYS = 60_000
 _DEPTHS, _FINER = 36, 9  # tried at first, and about the best of them
 _LEAST_RISE = 0.01  # of the disagreement, below the floor: .02-.03 measured where it is told
-_SURELY_SHARE = 0.3  # of a cell's views refute the lid
 _BLUR_CELLS = 1  # about an opening on a face that is exact
 _GROWS = np.arange(-2.0, 2.1, 0.5)  # cells by which an outline may be off
 _MOST_LEFT = 0.6  # of the disagreement on the lid
@@ -73,15 +72,7 @@ def _is_straight(hole: Prism) -> bool:
     """Whether a concavity is a round hole that goes through, of one width all along."""
     if not hole.through or hole.domed or hole.tapered or hole.islands or any(hole.tilt) or hole.above:
         return False
-    return _is_round(hole.outline)
-
-
-def _is_round(outline: NDArray[np.bool_]) -> bool:
-    cells = np.argwhere(outline)
-    if not len(cells):
-        return False
-    away = np.linalg.norm(cells - cells.mean(axis=0), axis=1).max()
-    return bool(away < _ROUND * np.sqrt(len(cells) / np.pi) + 1)
+    return is_round(hole.outline)
 
 
 def _mouths(hole: Prism, scene: Scene) -> Iterator[tuple[Array, Array]]:
@@ -101,7 +92,7 @@ def _about(images: Images, scene: Scene, cell: float, middle: Array, way: Array,
         spot = spot_around(_ring(middle, way, times * radius), scene, cell, pitch, way)
         stack = None if spot is None else rectify(images, scene, spot.lattice, spot.relief)
         outline = None if stack is None else _mouth(stack)
-        if stack is None or outline is None or not (_is_round(outline) and is_framed(stack, outline)):
+        if stack is None or outline is None or not (is_round(outline) and is_framed(stack, outline)):
             continue
         wide = float(np.sqrt(np.count_nonzero(outline) / np.pi)) * pitch
         if not _NARROWEST * radius < wide < _WIDTHS[0] * radius:
@@ -125,7 +116,7 @@ def _ring(middle: Array, way: Array, radius: float) -> Array:
 
 def _mouth(stack: Stack) -> NDArray[np.bool_]:
     """(R, C) the opening in a lattice's middle; the face about it is exact, so all of what is refuted belongs to it."""
-    whole = ndimage.binary_fill_holes(stack.refuted_by(_SURELY_SHARE)) & stack.domain
+    whole = ndimage.binary_fill_holes(stack.refuted_by(SURELY_SHARE)) & stack.domain
     labels, _ = ndimage.label(opened(ndimage.binary_erosion(whole, iterations=_BLUR_CELLS)))
     label = labels[tuple(n // 2 for n in labels.shape)]
     return np.asarray(labels == label) if label else np.zeros_like(whole)

@@ -13,13 +13,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from brepgaussian.splatting.concave.openings import Images, refuted_share
+from brepgaussian.splatting.concave.openings import REFUTED_SHARE, Images, refuted_share
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
 
-_REFUTED = 0.12  # share of a place's views
 _NEIGHBOUR_CELLS = 2.5  # places of a hull's mesh this close hang together
 _CORE_SHARE = 0.75  # of the places around one are refuted too; edges are blurred, but narrow
 _CORE_WIDTHS = 0.5  # of the least width of an opening: the radius of "around"
@@ -66,7 +65,7 @@ def spots(
         return []
     places = scene.vertices[chosen]
     share = refuted_share(images, scene, places, scene.normals[chosen], pitch)
-    refuted = share > _REFUTED
+    refuted = share > REFUTED_SHARE
     tree = cKDTree(places)
     around = tree.query_ball_point(places[refuted], max(_CORE_WIDTHS * least_width, _NEIGHBOUR_CELLS * cell))
     core = np.array([refuted[near].mean() >= _CORE_SHARE for near in around], bool)

@@ -23,8 +23,8 @@ _SIGMAS = 3.0
 _OFF_CELLS = 3.0  # over a face, its views are asked: off the hull's own roughness
 _LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
 _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
-_REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
-_SURELY_SHARE = 0.3  # of them; beside walls that are a cell off, strips of a floor have .1-.2
+REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
+SURELY_SHARE = 0.3  # of them; beside walls that are a cell off, strips of a floor have .1-.2
 _LESS = 0.7  # of a region's cells are left by that, for it to be tried, too
 BORDER_CELLS = 2.0  # disagreement this close to the plane's own border is blur
 SURFACE_SHARE = 0.8  # of a cell's views agree, if the cell is on a face
@@ -93,7 +93,7 @@ class Stack:
     @cached_property
     def refuted(self) -> NDArray[np.bool_]:
         """(R, C) cells about which views differ, but for the blur at the face's border."""
-        return self.refuted_by(_REFUTED_SHARE)
+        return self.refuted_by(REFUTED_SHARE)
 
     def refuted_by(self, share: float) -> NDArray[np.bool_]:
         """(R, C) the same of cells about which a larger share of the views differs."""
@@ -237,7 +237,7 @@ def _surer(stack: Stack, outlines: Sequence[NDArray[np.bool_]]) -> list[NDArray[
     """(R, C) what more views refute of outlines that are much larger: a hole in a floor with strips along its walls."""
     if not outlines:
         return []
-    sure = ndimage.binary_fill_holes(stack.refuted_by(_SURELY_SHARE)) & stack.domain
+    sure = ndimage.binary_fill_holes(stack.refuted_by(SURELY_SHARE)) & stack.domain
     labels, count = ndimage.label(opened(sure))
     found = (labels == k for k in range(1, count + 1))
     whole = [o.sum() for o in outlines]

@@ -113,7 +113,16 @@ def _is_plain(prism: Prism) -> bool:
     """Whether a concavity is round and straight, has a floor, and nothing stands over it."""
     if prism.through or prism.domed or prism.draft or any(prism.tilt) or prism.above:
         return False
-    return bool(_away(prism).max() < _ROUND * throat(prism) + prism.lattice.pitch)
+    return is_round(prism.outline)
+
+
+def is_round(outline: NDArray[np.bool_]) -> bool:
+    """Whether an outline (R, C) is about a disc; an empty one is none."""
+    cells = np.argwhere(outline)
+    if not len(cells):
+        return False
+    away = np.linalg.norm(cells - cells.mean(axis=0), axis=1).max()
+    return bool(away < _ROUND * np.sqrt(len(cells) / np.pi) + 1)
 
 
 def _pierced(scene: Scene, prism: Prism) -> float:

@@ -120,7 +120,7 @@ def rail_carriage(s: Sizes) -> Part:
 
 
 def pillow_foot(s: Sizes) -> Part:
-    """A foot with two slotted ears and a leaning face that carries a round boss with a bore square to it."""
+    """A wedge over a plate with two slots, a bore along the plate through its leaning face."""
     long, wide, thick, tall = s(64), s(30), s(8), s(26)
     body = Box(long, wide, thick, align=BOTTOM)
     wedge = ((-s(15), thick), (s(15), thick), (s(15), thick + tall), (s(3), thick + tall))
