@@ -8,7 +8,7 @@ from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.cut import refit
 from brepgaussian.points.graph import Graph, largest_connected, neighbour_pairs, spacing_of
 from brepgaussian.points.merge import Nodes
-from brepgaussian.points.split import planar_pieces, uncover_planes, uncover_strips
+from brepgaussian.points.split import _apart, planar_pieces, uncover_planes, uncover_strips
 from brepgaussian.settings.points import PointsSettings
 
 NOISE = Noise(0.002, np.radians(3.0))
@@ -130,3 +130,28 @@ def test_faces_without_a_strip_stay_as_they_are():
     nodes, face = sheet_end(np.random.default_rng(34), 0.03, False)
     found = uncover_strips(nodes, one_region(nodes), face, NOISE, spacing_of(nodes.xyz), PointsSettings())
     np.testing.assert_array_equal(found, face)
+
+
+def test_two_faces_of_one_surface_stay_apart_and_a_swallowed_one_is_gone():
+    """A wall parts a floor: no node knows on which half of it that is, so a cut gives both one label."""
+    path = np.array([[0, 1], [1, 2], [3, 4], [4, 5]])
+    halves = np.array([0, 0, 0, 1, 1, 1])
+    np.testing.assert_array_equal(_apart(Graph(path, *np.zeros((4, 4))), halves, np.zeros(6, np.int64)), halves)
+    joined = Graph(np.concatenate([path, [[2, 3]]]), *np.zeros((4, 5)))
+    np.testing.assert_array_equal(_apart(joined, halves, np.zeros(6, np.int64)), np.zeros(6, np.int64))
+
+
+def test_a_strip_beside_a_parted_floor_gets_its_own_label():
+    nodes, face = sheet_end(np.random.default_rng(35), 0.045, True)
+    floor = face == 0
+
+    def twice(values, moved=0.0):
+        return np.concatenate([values, values[floor] + moved])
+
+    both = Nodes(
+        twice(nodes.xyz, np.array([0.34, 0, 0])), twice(nodes.normals), twice(nodes.trust),
+        np.concatenate([nodes.core, nodes.core[floor]]), twice(nodes.grey), twice(nodes.gradients),
+    )  # fmt: skip
+    labels = np.concatenate([np.where(face == 2, 0, face), np.full(floor.sum(), 2)])
+    found = uncover_strips(both, one_region(both), labels, NOISE, spacing_of(both.xyz), PointsSettings())
+    assert found.max() == 3

@@ -5,7 +5,7 @@ from brepgaussian.artifacts.truth import Truth, read_truth
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.hull import carve
+from brepgaussian.splatting.hull import Hull, carve
 from brepgaussian.views.stage import make_views
 from build123d import export_step
 
@@ -21,7 +21,11 @@ def rendered(tmp_path, part, count: int = 30, size: int = 400) -> tuple[Views, T
 
 def missed(views: Views, truth: Truth) -> tuple[float, float]:
     """Shares of the truth's volume by which the carved hull has too much, and too little, 1.5 cells off its faces."""
-    hull, _ = carve(views, 128, concavities=True)
+    return wrong_of(carve(views, 128, concavities=True)[0], truth)
+
+
+def wrong_of(hull: Hull, truth: Truth) -> tuple[float, float]:
+    """The same of a hull of 128 cells."""
     solid = Scene(truth.mesh_vertices, truth.mesh_triangles)
     found = Scene(hull.vertices, hull.triangles)
     low, high = truth.mesh_vertices.min(axis=0), truth.mesh_vertices.max(axis=0)

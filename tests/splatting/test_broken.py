@@ -10,8 +10,9 @@ from brepgaussian.splatting.concave.planes import Plane, region_on
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.sections import Rounded, Section
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.hull import carve
 from build123d import Align, Box, Cylinder, Pos
-from rendered import missed, rendered
+from rendered import missed, rendered, wrong_of
 from scipy import ndimage
 
 PITCH, SHAPE, TOP = 0.005, (160, 120), 0.5
@@ -143,6 +144,29 @@ def test_a_pot_through_whose_notch_silhouettes_have_opened_its_upper_half(tmp_pa
     too_much, too_little = missed(views, truth)
     assert too_much < 0.03
     assert too_little < 0.03
+
+
+def test_a_case_of_whose_lid_two_notches_have_opened_an_end(tmp_path):
+    """What is left of the lid spans half of it; under that a floor and a wall look like a corner.
+
+    Of the top of the low wall across it, views tell some pieces.
+    """
+    low = (Align.CENTER, Align.CENTER, Align.MIN)
+    part = (
+        Box(80, 50, 24, align=low)
+        - Pos(0, 0, 5) * Box(71, 41, 30, align=low)
+        + Pos(9, 0, 5) * Box(4, 41, 11, align=low)
+    )
+    for x, wide in ((-21, 9), (25, 14)):
+        part -= Pos(x, 25, 18) * Box(wide, 14, 20, align=low)
+    views, truth = rendered(tmp_path, part, 50, 600)
+    hull, _ = carve(views, 128, concavities=True, patches=truth.face_ids)
+    (island,) = max(hull.prisms, key=lambda prism: prism.area).islands
+    assert island.area * 80**2 == pytest.approx(4 * 41, rel=0.15)
+    assert island.depth * 80 == pytest.approx(11, abs=0.3)
+    too_much, too_little = wrong_of(hull, truth)
+    assert too_much < 0.01
+    assert too_little < 0.01
 
 
 @pytest.mark.parametrize("notches", [1, 2])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from brepgaussian.splatting.concave.even import _likeliest
 from brepgaussian.splatting.hull import carve
 from build123d import Align, Box, Cylinder, Pos
 from rendered import rendered
@@ -40,3 +41,34 @@ def test_holes_that_views_tell_apart_keep_their_depths(tmp_path):
     found = holes(tmp_path, [(-18, 0, 7, 6), (16, 1, 7, 11), (0, 14, 3, 14)])
     assert [depth for depth, _ in found[:2]] == pytest.approx([6, 11], abs=0.3)
     assert [radius for _, radius in found] == pytest.approx([7, 7, 3], abs=0.3)
+
+
+class Told:
+    """An opening whose rays say, by depth in cells, how many standard errors speak for it."""
+
+    deepest = 80.0
+
+    def __init__(self, most, best):
+        self.most, self.best = most, best
+
+    def costs(self, shape):
+        return self.most * np.clip((shape.depth - 20) / (self.best - 20), 0, 1)
+
+    def advantage(self, before, after):
+        return after - before
+
+
+@pytest.mark.parametrize(
+    ("most", "holes", "deeper"), [(1.5, 1, False), (1.5, 4, True), (4.0, 1, True), (0.0, 4, False)]
+)
+def test_untold_floors_lie_where_rays_make_it_likeliest(most, holes, deeper):
+    """Beyond the true depth nothing speaks against more of it, so the least of the likely ones counts."""
+    pitch = 0.005
+    looked = [(pitch, (Told(most, 40.0),)) for _ in range(holes)]
+    found = _likeliest(looked, 20 * pitch)
+    assert found == pytest.approx(40 * pitch if deeper else 20 * pitch, rel=0.2 if deeper else 0)
+    assert found <= 40 * pitch * 1.04
+
+
+def test_without_rays_the_depth_stays():
+    assert _likeliest([], 0.1) == 0.1

@@ -70,11 +70,11 @@ def test_a_boss_that_leaves_much_is_asked_once_more_beside_the_others(monkeypatc
 
     def seen(_rays, _standing, _cut, some):
         asked.extend(some)
-        return [islands_module._Seen(some[0], 0.46 / beside, 0.75 * beside >= 0.46)]
+        return [islands_module._Seen(some[0], 1.0, 0.46 / beside, 0.75 * beside >= 0.46)]
 
     monkeypatch.setattr(islands_module, "_seen", seen)
     hull = SimpleNamespace(without=lambda *_: SimpleNamespace(scene=lambda: None))
-    told = [islands_module._Seen(island, island.error, True) for island in islands]
+    told = [islands_module._Seen(island, 1.0, island.error, True) for island in islands]
     found = islands_module._beside_others(None, hull, whole, 0.0, told)
     assert len(found) == kept
     assert all(a is b for a, b in zip(found, islands, strict=False))
@@ -200,7 +200,7 @@ def test_the_section_of_a_boss_in_a_corner_reaches_into_its_walls(turn):
     whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
     outline = post.signed_distance(grid) < 0
     outline |= (np.abs(grid - np.array(post.center) + 5 * np.array([np.cos(turn), np.sin(turn)])) < 2.0).all(axis=-1)
-    found = next(iter(_rectangles(whole, Prism(whole.lowered(0.1), outline, 0.2, False, 0.0))))
+    found = next(iter(_rectangles(whole, Prism(whole.lowered(0.1), outline, 0.2, False, 0.0), np.zeros((90, 80)))))
     border = post.border(200)
     free = border[walls.signed_distance(border) < -1]
     assert np.abs(found.signed_distance(free)).max() < 1.0
@@ -208,5 +208,20 @@ def test_the_section_of_a_boss_in_a_corner_reaches_into_its_walls(turn):
     assert walls.signed_distance(beyond).max() > 2.0
     alone = Section((45.0, 40.0), turn, Rounded((6.0, 6.0), 0.0))
     island = Prism(whole.lowered(0.1), alone.signed_distance(grid) < 0, 0.2, False, 0.0)
-    found = next(iter(_rectangles(whole, island)))
+    found = next(iter(_rectangles(whole, island, np.zeros((90, 80)))))
     assert np.abs(found.signed_distance(alone.border(200))).max() < 1.0
+
+
+@pytest.mark.parametrize("past", [2, 6])
+def test_the_sides_of_a_boss_are_where_views_show_steps(past):
+    """Beside a floor of one grey the cells of its top go on, to one side, as far as its shadow is even."""
+    walls = Section((45.0, 40.0), 0.0, Rounded((30.0, 22.0), 0.0))
+    grid = np.stack(np.meshgrid(np.arange(90.0), np.arange(80.0), indexing="ij"), axis=-1)
+    lattice = Lattice(np.zeros(3), *np.eye(3), PITCH, (90, 80))
+    whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
+    rib = Section((45.0, 40.0), 0.0, Rounded((5.0, 12.0), 0.0))
+    wider = Section((45.0 + past / 2, 40.0), 0.0, Rounded((5.0 + past / 2, 12.0), 0.0))
+    slope = np.exp(-(rib.signed_distance(grid) ** 2))
+    island = Prism(whole.lowered(0.1), wider.signed_distance(grid) < 0, 0.2, False, 0.0)
+    found = list(_rectangles(whole, island, slope))[-1]
+    assert np.abs(found.signed_distance(rib.border(200))).max() <= 1.0

@@ -14,7 +14,7 @@ from brepgaussian.log import get_logger
 from brepgaussian.points.batch_rows import evaluate
 from brepgaussian.points.batchfit import Noise
 from brepgaussian.points.cut import REACH, STRAY, cut, data_costs, pair_weights, refit
-from brepgaussian.points.graph import Graph, Index, largest_connected
+from brepgaussian.points.graph import Graph, Index, components, largest_connected
 from brepgaussian.points.merge import Models, Nodes, parts_of
 from brepgaussian.points.pearl import expand
 from brepgaussian.points.superpoints import contract
@@ -92,17 +92,31 @@ def _with_pieces(
             data = data_costs(nodes, found, refit(nodes, found, noise, seed), noise, spacing)
             grown = expand(data, graph.pairs, weights, found, new, REACH)
             found = grown if len(np.unique(grown)) == len(np.unique(found)) else found
-        found = cut(nodes, graph, found, refit(nodes, found, noise, seed), noise, spacing, settings.label_cost)
+        after = cut(nodes, graph, found, refit(nodes, found, noise, seed), noise, spacing, settings.label_cost)
+        found = _apart(graph, np.where(found == new, -1, found), after)
         if len(parts_of(found)) <= new:  # the piece, or a label, was dropped
             continue
         taken = np.flatnonzero(found == new)
         strays = np.setdiff1d(taken, largest_connected(graph, taken, len(found)))
         found[strays] = labels[strays]
-        after = cost(found, refit(nodes, found, noise, seed))
-        log.info("plane of %d nodes under label %d: cost %.1f for %.1f", len(piece), labels[piece[0]], after, best)
-        if after < best - margin:
-            labels, best = found, after
+        new_cost = cost(found, refit(nodes, found, noise, seed))
+        log.info("plane of %d nodes under label %d: cost %.1f for %.1f", len(piece), labels[piece[0]], new_cost, best)
+        if new_cost < best - margin:
+            labels, best = found, new_cost
     return labels
+
+
+def _apart(graph: Graph, before: Index, after: Index) -> Index:
+    """Labels after a cut, with two faces of one surface apart as before: no node knows on which one it is."""
+    result = after.copy()
+    part = components(graph.pairs, after)
+    for lost in np.setdiff1d(before[before >= 0], after):
+        members = (before == lost) & (part >= 0)
+        for k in np.unique(part[members]):
+            inside = part == k
+            if 2 * np.count_nonzero(inside & members) > np.count_nonzero(inside):
+                result[inside] = lost
+    return result
 
 
 def _total(data: Array, graph: Graph, weights: Array, labels: Index) -> float:

@@ -141,7 +141,7 @@ def carve(
         if concavities:
             planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
             volume, notches = open_notches(images, volume, planes)
-            uncut, volume = volume, open_corners(images, volume, [-face.lattice.normal for face in faces])
+            uncut, volume = volume, open_corners(images, volume, planes)
             cornered = volume
             volume, more, bends = open_concavities(images, volume, planes, flat)
             volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces])

@@ -26,10 +26,13 @@ Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
 LEVEL_CELLS = 1.0  # between tops that are meant to be of one height
+_BORDER_PLACES = 200  # of a section
 _BORDER_CELLS = 5  # from a wall: a boss that ends there stands against it, for views disagree about what is next to it
 _BESIDE_CELLS = 4  # around a top, where its rim is sought
 _IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
 _WIDER_CELLS = (0.0, -3.0, 3.0)  # by which a top may be wider than its cells, or narrower
+_FAR_CELLS = 8.0  # from the end of a top's cells, at most, to where the views show the steepest step
+_ENDS, _ALONG_SIDE = 0.15, 40  # of a side at either end, which tell of other sides; places that are asked between
 _FRINGE, _WIDE = 0.5, 0.8  # of the cells side by side, and the quantile of their numbers that is a boss's width
 _TOLD, _LEAST_TOLD = 0.3, 0.1  # of a rim, for a section by itself, and for one that another boss has
 _CLEARLY = 0.6  # of it, or steps of less contrast are asked, too
@@ -75,7 +78,7 @@ def _rims(images: Images, standing: Scene, prism: Prism, island: Prism) -> list[
     around = ndimage.binary_dilation(island.outline, iterations=_BESIDE_CELLS + RING_CELLS)
     stack = across(images, standing, island.lattice, around)
     centers = images.views.cameras.centers
-    round_ones, walled = [*_rough(island)], [*_rectangles(prism, island)]
+    round_ones, walled = [*_rough(island)], [*_rectangles(prism, island, stack.slope)]
 
     def told(contrast: float) -> list[Rim]:
         """Those that are told by steps of some contrast."""
@@ -158,14 +161,16 @@ def _rough(island: Prism) -> Iterator[Section]:
     yield circle([float(row), float(column), float(inside[row, column])])
 
 
-def _rectangles(prism: Prism, island: Prism) -> Iterator[Section]:
+def _rectangles(prism: Prism, island: Prism, slope: Array) -> Iterator[Section]:
     """Rectangles along a pocket's walls that a boss's outline may be, reaching into walls which it stands against.
 
-    What a top's cells leave of it is up to a few cells off, farther than a rim is looked for beside them.
+    What a top's cells leave of it is up to a few cells off, farther than a rim is looked for beside them; beside a
+    floor of one grey, of which views say the same at any height, they go on until its shadow ends. So its sides are
+    also sought where the common grey of the views, of `slope` (R, C) for each cell, is steepest.
     """
     away = -signed_outline(prism.outline)  # of cells, from the pocket's walls
     cells = np.argwhere(island.outline)
-    axes, ends = _box(prism, island)
+    axes, ends = box(prism, island)
     at = cells @ axes.T  # (N, 2) along the walls
     free = np.ones((2, 2), bool)
     for axis in (0, 1):
@@ -178,12 +183,39 @@ def _rectangles(prism: Prism, island: Prism) -> Iterator[Section]:
     moves = [_WIDER_CELLS if free[:, axis].any() else (0.0,) for axis in (0, 1)]
     for wider in product(*moves):
         yield _rectangle(axes, ends + outward * np.array(wider))
+    if free.any():
+        yield _rectangle(axes, _steepest(axes, ends, free, slope))
 
 
-def _box(prism: Prism, island: Prism) -> tuple[Array, Array]:
-    """(2, 2) axes along a pocket's walls, and (2, 2) the ends of a boss's cells along each, low ones and high ones."""
+def _steepest(axes: Array, ends: Array, free: Cells, slope: Array) -> Array:
+    """(2, 2) the ends of a rectangle, those that are `free` (2, 2) where the slope (R, C) along their side is largest.
+
+    Each within `_FAR_CELLS`, and on its own half.
+    """
+    result = ends.copy()
+    middle = ends.mean(axis=0)
+    for end, axis in zip(*np.nonzero(free), strict=True):
+        sign = (-1, 1)[end]
+        inner = min(_FAR_CELLS, sign * (ends[end, axis] - middle[axis]) - 1)
+        across = ends[end, axis] + sign * np.arange(-inner, _FAR_CELLS)
+        low, high = ends[:, 1 - axis]
+        along = np.linspace(low + _ENDS * (high - low), high - _ENDS * (high - low), _ALONG_SIDE)
+        at = across[:, None, None] * axes[axis] + along[:, None] * axes[1 - axis]  # (K, L, 2)
+        profile = np.median(ndimage.map_coordinates(slope, np.moveaxis(at, -1, 0), order=1), axis=1)
+        result[end, axis] = across[int(np.argmax(profile))]
+    return result
+
+
+def box(prism: Prism, island: Prism) -> tuple[Array, Array]:
+    """(2, 2) axes along a pocket's walls, and (2, 2) the ends of a boss along each, low ones and high ones.
+
+    Those of its section, if it is drawn, else of its cells.
+    """
     angle = 0.0 if prism.section is None else prism.section.angle
     axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    if island.section is not None:
+        border = island.section.border(_BORDER_PLACES) @ axes.T
+        return axes, np.array([border.min(axis=0), border.max(axis=0)])
     at = np.argwhere(island.outline) @ axes.T
     return axes, np.array([_ends(at[:, axis]) for axis in (0, 1)]).T
 

@@ -67,18 +67,16 @@ def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -
         # beside the notch remnants of the lid hang on its walls
         lid = ndimage.binary_opening(opening & face.refuted, iterations=OPENING_CELLS)
         if lid.sum() >= max(_LEAST_LID * opening.sum(), 1):
-            outline = _completed(ndimage.binary_fill_holes(opening & convex_hull_image(lid)), opening, whole)
+            outlines = [_completed(ndimage.binary_fill_holes(opening & convex_hull_image(lid)), opening, whole)]
+            # what is left of the lid may span a part of the opening only: two notches have opened an end of it
+            outlines += _rimmed(_without_notches(opening, whole), opening, whole)
         elif lid.sum() * stack.lattice.pitch**2 >= least_area:
-            outline = _inscribed(opening, whole)  # slots that cross it have left little of the lid
+            outlines = [_inscribed(opening, whole)]  # slots that cross it have left little of the lid
         else:
-            section = _disc(opening, whole) or _without_notches(opening, whole)
-            if section is None or not _walled_in(section, _rim(border_of(opening), opening, whole)):
-                continue
-            outline = _within(section, opening, whole)
-            if not _refuted_below(images, scene, whole, outline):
-                continue
-        if (outline & gone).sum() >= _LEAST_GONE * outline.sum() and is_framed(whole, outline):
-            found.append(outline)
+            outlines = _rimmed(_disc(opening, whole) or _without_notches(opening, whole), opening, whole)
+            outlines = [outline for outline in outlines if _refuted_below(images, scene, whole, outline)]
+        outlines = [o for o in outlines if (o & gone).sum() >= _LEAST_GONE * o.sum() and is_framed(whole, o)]
+        found += outlines[:1]
     return (face, whole, found) if found else (stack, stack, [])
 
 
@@ -121,6 +119,13 @@ def _without_notches(opening: Outline, stack: Stack) -> Section | None:
     places = border_of(opening)
     cells = np.clip(np.round(places).astype(int), 0, np.array(opening.shape) - 1)
     return around(_rim(places[beside[tuple(cells.T)] <= _CORNER * reach + 1], opening, stack))
+
+
+def _rimmed(section: Section | None, opening: Outline, stack: Stack) -> list[Outline]:
+    """(R, C) what of a section is open, if it has a rim on all sides; else none."""
+    if section is None or not _walled_in(section, _rim(border_of(opening), opening, stack)):
+        return []
+    return [_within(section, opening, stack)]
 
 
 def _walled_in(section: Section, rim: Array) -> bool:

@@ -14,9 +14,11 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
-from brepgaussian.splatting.concave.planes import PlanarRegion, lattice_over, planar_regions
+from brepgaussian.splatting.concave.planes import PlanarRegion, Plane, lattice_over, planar_regions, region_on
+from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.rays import gather
 from brepgaussian.splatting.concave.rooms import Corner, Sought
 from brepgaussian.splatting.concave.scene import Scene
@@ -42,6 +44,7 @@ _MOST_TURN = np.radians(6)  # of its triangles, rms: faces had up to 4.6 degrees
 _MOST_TRIED = 6  # openings, largest first
 _MOST_REFINED = 4  # sets of floors under one of them, those that explain most rays as they are
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
+_IN_POCKET = 0.5  # of an opening lies in a pocket that notches have opened
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
 _MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
 _FINS_VOXELS = (np.inf, 8.0)  # and then, as far as the views allow
@@ -60,19 +63,23 @@ class _Floor:
     seen: Array | None
 
 
-def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume:
+_Opening = tuple[PlanarRegion, list[tuple[_Floor, ...]], Stack, NDArray[np.bool_]]  # a lid, floors, and its opening
+
+
+def open_corners(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
     """Carve the corners between ribs.
 
     Args:
         images: of all views.
         hull: what silhouettes leave, faces flattened.
-        backs: directions (3,) into the solid from its outer faces; a floor is parallel to one or seen elsewhere.
+        planes: of its outer faces; a floor looks into the solid from one or is seen elsewhere.
 
     Returns:
         The opened hull.
     """
     mesh = hull.mesh()
     scene = Scene(*mesh)
+    backs = [-plane.normal for plane in planes]
     footprint = images.views.cameras.footprint()
     regions = [(region, region.area(*mesh)) for region in planar_regions(*mesh, 2 * hull.spacing)]
     large = [(region, area) for region, area in regions if area >= (_LEAST_WIDTH_PIXELS * footprint) ** 2]
@@ -85,7 +92,7 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
         for (region, area, _), stack in zip(wide, stacks, strict=True)
         if stack.refuted.sum() <= _MOST_REFUTED * stack.domain.sum() and region.turn(*mesh) < _MOST_TURN
     ]
-    sought = []
+    sought: list[_Opening] = []
     for (lid, area, _), stack in zip(wide, stacks, strict=True):
         enough = [floor for floor, size in seen if size >= _LEAST_FLOOR * area]
         pairs = _pairs(lid, [*(_Floor(normal, None) for normal in backs), *enough])
@@ -96,6 +103,7 @@ def open_corners(images: Images, hull: Volume, backs: Sequence[Array]) -> Volume
             sought += [(lid, floors, stack, outline) for outline in _wide_openings(stack, footprint)]
     found: list[Corner] = []
     now = scene
+    sought = list(_outside_pockets(images, scene, sought, planes, 2 * hull.spacing))
     largest = sorted(sought, key=lambda s: -s[3].sum() * s[2].lattice.pitch ** 2)[:_MOST_TRIED]
     for lid, floors, stack, outline in largest:
         cells = stack.lattice.centers()[outline]
@@ -184,6 +192,37 @@ def _wide_openings(stack: Stack, footprint: float) -> Iterator[NDArray[np.bool_]
         outline = ndimage.binary_fill_holes(labels == k) & stack.domain
         if outline.sum() * stack.lattice.pitch**2 >= (_LEAST_WIDTH_PIXELS * footprint) ** 2:
             yield outline
+
+
+def _outside_pockets(
+    images: Images, scene: Scene, sought: Sequence[_Opening], planes: Sequence[Plane], tolerance: float
+) -> Iterator[_Opening]:
+    """Openings but for those in what notches have left of a pocket's lid: its floor and a wall are a corner, too.
+
+    Such a corner would be cut out through the wall on the other side, on which the rest of the lid leans.
+    """
+    mesh, footprint = (scene.vertices, scene.triangles), images.views.cameras.footprint()
+    pockets: list[tuple[Lattice, NDArray[np.bool_]]] = []
+    for plane in planes:
+        facing = any(_FACING[0] < plane.normal @ lid.normal < _FACING[1] for lid, *_ in sought)
+        rim = region_on(plane, *mesh, tolerance) if facing else None
+        if rim is not None:
+            stack = rectify(images, scene, lattice_over(rim, mesh, footprint))
+            _, whole, outlines = broken_rims(images, scene, stack, (_LEAST_WIDTH_PIXELS * footprint) ** 2)
+            pockets += [(whole.lattice, outline) for outline in outlines]
+    for lid, floors, stack, outline in sought:
+        cells = stack.lattice.centers()[outline]
+        if not any(_within(cells, *pocket).mean() > _IN_POCKET for pocket in pockets):
+            yield lid, floors, stack, outline
+
+
+def _within(cells: Array, lattice: Lattice, outline: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) which of the cells (N, 3) lie below an outline (R, C)."""
+    places, height = lattice.coordinates(cells)
+    at = np.round(places).astype(int)
+    within = ((at >= 0) & (at < outline.shape)).all(axis=1) & (height < lattice.pitch)
+    within[within] = outline[tuple(at[within].T)]
+    return np.asarray(within)
 
 
 def _starts(lid: PlanarRegion, floors: Sequence[_Floor], cells: Array) -> Iterator[Corner]:

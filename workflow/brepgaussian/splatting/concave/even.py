@@ -1,11 +1,14 @@
-"""Holes of one pattern: round, as wide, in one face. Those whose floors no ray tells are as deep as the deepest is.
+"""How deep holes are whose floors no ray surely tells; those of one pattern (round, as wide, in one face) alike.
 
 What is found of an untold floor is the least depth that explains the views, and how much of a wall they show is another
-matter for each hole: four alike were .11 to .19 deep, and .2 in truth.
+matter for each hole: four alike were .11 to .19 deep, and .2 in truth. So they are as deep as the deepest, and, where
+rays tell of something deeper, though not surely, as they all together make likeliest.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.openings import Images
@@ -13,38 +16,65 @@ from brepgaussian.splatting.concave.planes import PARALLEL
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sections import Rounded
-from brepgaussian.splatting.concave.shapes import SURE, Shape
+from brepgaussian.splatting.concave.shapes import SURE, Opening, Shape
 from brepgaussian.splatting.concave.sounded import along_walls, is_plain
 
 _AS_WIDE_CELLS = 0.4  # by which radii of one drill differ: a rim is told to .1
 _LEVEL_CELLS = 2.0  # between the planes that two mouths lie on, if they lie on one
 _DEEPER_CELLS = 0.5  # less is no other depth
+_LIKELY = 2.0  # standard errors by which a depth explains the rays better: floors that views tell have `SURE`
+_ABOUT_AS_LIKELY = 0.5  # standard errors: on walls of one grey, rays that contradict deeper floors are lost
+_RATIO = 1.04  # of the depths that are tried
 _RAYS = 60_000
 
 logger = log.get_logger("stage1")
 
 
 def evened(images: Images, scene: Scene, prisms: Mapping[int, Prism]) -> dict[int, Prism]:
-    """Those of some holes that become deeper.
+    """Those of some concavities that become deeper.
 
     Args:
         images: of all views.
         scene: the hull, before they are cut.
-        prisms: holes by any number; what is not round, plain and blind stays.
+        prisms: concavities by any number; what is not plain and blind, with drawn walls, stays.
     """
     result: dict[int, Prism] = {}
-    drilled = [k for k, prism in prisms.items() if is_plain(prism) and _radius(prism) is not None]
-    for k in drilled:
-        deepest = max((prisms[j] for j in drilled if _alike(prisms[k], prisms[j])), key=lambda p: p.depth)
-        if deepest.depth < prisms[k].depth + _DEEPER_CELLS * prisms[k].lattice.pitch:
+    plain = [k for k, prism in prisms.items() if is_plain(prism) and prism.section is not None]
+    seen = {k: along_walls(images, scene, prisms[k], (_RAYS,)) for k in plain if prisms[k].endless}
+    for k in plain:
+        alike = [j for j in plain if j == k or _alike(prisms[k], prisms[j])]
+        deepest = max((prisms[j] for j in alike), key=lambda p: p.depth)
+        depth = deepest.depth
+        if deepest.endless:
+            depth = _likeliest([looked for j in alike if (looked := seen.get(j)) is not None], depth)
+        if depth < prisms[k].depth + _DEEPER_CELLS * prisms[k].lattice.pitch:
             continue
-        if not _surely_shallower(images, scene, prisms[k], deepest.depth):
+        if not _surely_shallower(images, scene, prisms[k], depth):
             logger.info(
-                "opening of area %.4f: %.4f deep as one like it, not %.4f",
-                prisms[k].area, deepest.depth, prisms[k].depth,
+                "opening of area %.4f: %.4f deep %s, not %.4f",
+                prisms[k].area, depth, "as one like it" if depth == deepest.depth else "more likely", prisms[k].depth,
             )  # fmt: skip
-            result[k] = replace(prisms[k], depth=deepest.depth, endless=prisms[k].endless and deepest.endless)
+            untold = deepest.endless or depth > deepest.depth
+            result[k] = replace(prisms[k], depth=depth, endless=prisms[k].endless and untold)
     return result
+
+
+def _likeliest(looked: Sequence[tuple[float, Sequence[Opening]]], least: float) -> float:
+    """The least depth (unit frame) of those that rays make likeliest, or the `least` of all if they tell of none.
+
+    Each hole's advantage over the least depth is in standard errors, so their sum is in roots of their number.
+    """
+    if not looked:
+        return least
+    deepest = min(pitch * opening.deepest for pitch, (opening,) in looked) / _RATIO
+    depths = least * _RATIO ** np.arange(max(int(np.log(deepest / least) / np.log(_RATIO)), 0) + 1)
+    sums = np.zeros(len(depths))
+    for pitch, (opening,) in looked:
+        old = opening.costs(Shape(least / pitch))
+        sums += [opening.advantage(old, opening.costs(Shape(float(depth) / pitch))) for depth in depths]
+    sums /= np.sqrt(len(looked))
+    best = int(np.argmax(sums >= sums.max() - _ABOUT_AS_LIKELY))
+    return float(depths[best]) if sums[best] >= _LIKELY else least
 
 
 def _radius(prism: Prism) -> float | None:

@@ -6,13 +6,14 @@ planes between floor and rim, views agree about a boss's top, at its own height 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import Rays, mean_cost, rays_at_object
-from brepgaussian.splatting.concave.bosses import LEVEL_CELLS, sectioned
+from brepgaussian.splatting.concave.bosses import LEVEL_CELLS, box, sectioned
 from brepgaussian.splatting.concave.openings import Images, across
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
@@ -30,6 +31,8 @@ _OVERLAP = 0.2  # of a top, that may be another one's
 _LOOKS = 3  # at those of one turn, without what turned out to be none
 _TURNS = 3  # in which tops are tried: one that is none may stand out more than the one that it overlaps with
 _TRIED_CELLS = 2.0  # between the height of a top that views don't believe and that of one which is worth a try
+_IN_LINE_CELLS = 1.5  # by which the sides of two pieces of one wall's top are off each other, at most
+_NO_WORSE = 1.25  # of what views disagree by is left with a wall whole: where there is a gap they agree about that
 _GAIN = 0.75  # share of the views' disagreement that a boss leaves at most where it is: with a hole in it .4-.7,
 # false ones .85 and more
 _SURE_LEFT = 0.5  # what leaves less stands there, whatever stands beside it: .1-.4 measured, .6 of what was none
@@ -74,8 +77,13 @@ def with_islands(
     )
     if not kept:
         return found_as
-    standing = hull.without(replace(prism, islands=tuple(kept)), margin).scene()
-    return replace(prism, islands=tuple(sectioned(images, standing, prism, kept)))
+    drawn = _drawn(images, hull, prism, margin, kept)
+    joined = _joined(rays, hull, prism, margin, drawn)
+    return replace(prism, islands=tuple(drawn if joined is drawn else _drawn(images, hull, prism, margin, joined)))
+
+
+def _drawn(images: Images, hull: Volume, prism: Prism, margin: float, islands: Sequence[Prism]) -> list[Prism]:
+    return sectioned(images, hull.without(replace(prism, islands=tuple(islands)), margin).scene(), prism, islands)
 
 
 def has_room(prism: Prism) -> bool:
@@ -123,9 +131,10 @@ def _overlaps(outline: Cells, other: Cells) -> bool:
 
 @dataclass(frozen=True)
 class _Seen:
-    """A boss, the share that it leaves of the views' disagreement, and whether they believe it."""
+    """A boss, what views disagree by without it, the share of that which it leaves, and whether they believe it."""
 
     island: Prism
+    off: float
     left: float
     believed: bool
 
@@ -164,6 +173,46 @@ def _beside_others(rays: Rays, hull: Volume, prism: Prism, margin: float, seen: 
     return left
 
 
+def _joined(rays: Rays, hull: Volume, prism: Prism, margin: float, islands: list[Prism]) -> list[Prism]:
+    """The bosses, with one for those in line between which views say nothing against another: pieces of a wall's top.
+
+    If there are none, the list as it came.
+    """
+    for one, other in combinations(islands, 2):
+        span = _spanned(prism, one, other)
+        if span is None:
+            continue
+        whole, apart = span
+        between = replace(one, outline=whole & ~(one.outline | other.outline), section=None)
+        if apart:
+            some = [*islands, between], islands
+            both = [hull.without(replace(prism, islands=tuple(i)), margin).scene() for i in some]
+            seen = _seen(rays, both[0], both[1], [between])[0]
+        if not apart or (seen.off >= _LEAST_OFF and seen.left <= _NO_WORSE):
+            rest = [i for i in islands if i is not one and i is not other]
+            return _joined(rays, hull, prism, margin, [replace(one, outline=whole, section=None), *rest])
+    return islands
+
+
+def _spanned(prism: Prism, one: Prism, other: Prism) -> tuple[Cells, bool] | None:
+    """(R, C) the rectangle along a pocket's walls that two bosses of one height and width span, one behind the other.
+
+    With it, whether there is a gap between them.
+    """
+    if abs(one.depth - other.depth) > LEVEL_CELLS * prism.lattice.pitch:
+        return None
+    axes, mine = box(prism, one)
+    its = box(prism, other)[1]
+    across = [axis for axis in (0, 1) if np.abs(mine[:, axis] - its[:, axis]).max() <= _IN_LINE_CELLS]
+    if len(across) != 1:
+        return None
+    ends = np.array([np.minimum(mine[0], its[0]), np.maximum(mine[1], its[1])])
+    at = np.moveaxis(np.indices(prism.outline.shape), 0, -1) @ axes.T  # (R, C, 2)
+    along = 1 - across[0]
+    apart = max(mine[0, along], its[0, along]) > min(mine[1, along], its[1, along])
+    return np.asarray(((at > ends[0]) & (at < ends[1])).all(axis=-1) & prism.outline), bool(apart)
+
+
 def _levelled(images: Images, cut: Scene, prism: Prism, top: Top) -> Top:
     """The same top at the height, to a part of a cell, at which views agree about most of it."""
     depths = top.depth + np.array(_FINE_CELLS) * prism.lattice.pitch
@@ -188,7 +237,7 @@ def _seen(rays: Rays, standing: Scene, cut: Scene, islands: Sequence[Prism]) -> 
             "boss of area %.4f, %.4f high: views disagree by %.2f for %.2f, %d rays%s",
             island.area, island.depth, new, old, told, "" if believed else ": not believed",
         )  # fmt: skip
-        result.append(_Seen(island, new / old if old else np.inf, believed))
+        result.append(_Seen(island, old, new / old if old else np.inf, believed))
     return result
 
 
