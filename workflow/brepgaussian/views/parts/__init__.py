@@ -132,9 +132,11 @@ PARTS: dict[str, PartInfo] = {
     "cradle_block": PartInfo("mounts", "a shallow cylinder between narrow lands, grooves", HOLDOUT),
     "drive_plate": PartInfo("mounts", "a hexagonal hole through a boss, slots with round ends, a flat", HOLDOUT),
     "split_hub": PartInfo("mounts", "a slit through a stepped hub, a counterbored hole across it, a keyway", TUNED),
-    "rail_carriage": PartInfo("mounts", "a groove with sloped sides, blind holes across two faces", HOLDOUT),
+    "rail_carriage": PartInfo("mounts", "a groove with sloped sides, blind holes across two faces", TUNED),
     "pillow_foot": PartInfo("mounts", "a wedge over a plate, a bore through a leaning face, slots", HOLDOUT),
     "cam_plate": PartInfo("mounts", "a bore off the middle of a disk, counterbores near corners, a slot", HOLDOUT),
+    "gib_block": PartInfo("mounts", "a step, a slot from below, a blind hole in the end face", HOLDOUT),
+    "latch_arm": PartInfo("mounts", "a hook with a sloped nose, a rib that ends before it, a round end", HOLDOUT),
     "spoked_wheel": PartInfo("rounded", "a hub that stands out of a rim, seen between spokes", TUNED),
     "rounded_case": PartInfo("rounded", "all edges rounded, with balls in the corners", TUNED),
     "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", HOLDOUT),
@@ -151,7 +153,8 @@ PARTS: dict[str, PartInfo] = {
     "sensor_dish": PartInfo("trays", "a square post in a round pocket, below its rim", HOLDOUT),
     "terminal_box": PartInfo("trays", "pads in a pocket, below its rim, and a notch through a wall", TUNED),
     "meter_box": PartInfo("trays", "a pad and a post in a pocket with round corners and a notch", TUNED),
-    "battery_case": PartInfo("trays", "a low wall across a pocket, two notches in its rim", HOLDOUT),
+    "battery_case": PartInfo("trays", "a low wall across a pocket, two notches in its rim", TUNED),
+    "relay_tray": PartInfo("trays", "two low walls across a pocket, a notch in each of two walls", HOLDOUT),
     "drain_cup": PartInfo("trays", "a thin round wall with two slots, holes through the floor, a square foot", HOLDOUT),
 }
 

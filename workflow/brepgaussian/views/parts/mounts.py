@@ -142,3 +142,25 @@ def cam_plate(s: Sizes) -> Part:
         at = Pos(x * long * 0.42, y * wide * 0.38, 0)
         body -= at * Cylinder(s(1.9, 0.05), BEYOND) + at * Pos(0, 0, thick - s(3)) * Cylinder(3.4, BEYOND, align=BOTTOM)
     return body
+
+
+def gib_block(s: Sizes) -> Part:
+    """A block with a step, a slot along it from below, a blind hole in its end and two bolt holes across."""
+    long, wide, high = s(60), s(34), s(30)
+    body = Box(long, wide, high, align=BOTTOM)
+    body -= Pos(0, wide / 2, high - s(10)) * Box(BEYOND, s(24), BEYOND, align=BOTTOM)
+    body -= Pos(0, -wide * 0.12, 0) * Box(BEYOND, s(9), 2 * s(8))
+    body -= Pos(long / 2, -wide * 0.2, high * 0.72) * Rot(0, 90, 0) * Cylinder(s(4, 0.1), 2 * s(9))
+    for x in (-1, 1):
+        body -= Pos(x * long * 0.3, wide * 0.28, 0) * Cylinder(s(2.8, 0.1), BEYOND)
+    return body
+
+
+def latch_arm(s: Sizes) -> Part:
+    """An arm with a round end and a bore, a hook with a sloped nose, a rib between them."""
+    long, wide, thick = s(64), s(16), s(8)
+    body = Box(long, wide, thick, align=BOTTOM) + Pos(-long / 2, 0, 0) * Cylinder(wide / 2, thick, align=BOTTOM)
+    body -= Pos(-long / 2, 0, 0) * Cylinder(s(4, 0.1), BEYOND)
+    nose = ((long / 2 - s(12), thick), (long / 2, thick), (long / 2, thick + s(5)), (long / 2 - s(9), thick + s(13)))
+    body += extrude(Plane.XZ * Polygon(*nose, align=None), wide / 2, both=True)
+    return body + Pos(-s(3), 0, thick) * Box(s(30), s(5, 0.1), s(6), align=BOTTOM)

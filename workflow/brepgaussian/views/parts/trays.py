@@ -151,3 +151,15 @@ def battery_case(s: Sizes) -> Part:
     for x, wide in ((-0.25, s(9)), (0.3, s(14))):
         body -= Pos(x * length, width / 2, high - s(6)) * Box(wide, 3 * wall, BEYOND, align=BOTTOM)
     return body
+
+
+def relay_tray(s: Sizes) -> Part:
+    """A tray that two low walls of different heights divide, a notch in each of two walls, a hole in its floor."""
+    length, width, high, floor, wall = s(80), s(48), s(20), s(4), s(4.5, 0.1)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, floor) * Box(length - 2 * wall, width - 2 * wall, BEYOND, align=BOTTOM)
+    for x, tall in ((-0.2, s(7)), (0.18, s(10))):
+        body += Pos(x * length, 0, floor) * Box(s(3.5, 0.1), width - wall, tall, align=BOTTOM)
+    body -= Pos(length / 2, s(4), high - s(7)) * Box(3 * wall, s(12), BEYOND, align=BOTTOM)
+    body -= Pos(-length * 0.3, -width / 2, high - s(5)) * Box(s(10), 3 * wall, BEYOND, align=BOTTOM)
+    return body - Pos(length * 0.34, 0, 0) * Cylinder(s(4, 0.1), BEYOND)
