@@ -225,3 +225,18 @@ def test_the_sides_of_a_boss_are_where_views_show_steps(past):
     island = Prism(whole.lowered(0.1), wider.signed_distance(grid) < 0, 0.2, False, 0.0)
     found = list(_rectangles(whole, island, slope))[-1]
     assert np.abs(found.signed_distance(rib.border(200))).max() <= 1.0
+
+
+@pytest.mark.parametrize("wide", [1.0, 2.0, 2.6])
+def test_sides_of_a_narrow_boss_do_not_cross(wide):
+    """Narrower by three cells it would be nothing, and no border of that can be looked at."""
+    grid = np.stack(np.meshgrid(np.arange(90.0), np.arange(80.0), indexing="ij"), axis=-1)
+    walls = Section((45.0, 40.0), 0.0, Rounded((30.0, 22.0), 0.0))
+    lattice = Lattice(np.zeros(3), *np.eye(3), PITCH, (90, 80))
+    whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
+    rib = Section((45.2, 40.0), 0.0, Rounded((wide, 12.0), 0.0))
+    slope = np.exp(-np.abs(grid[..., 0] - 45))
+    island = Prism(whole.lowered(0.1), rib.signed_distance(grid) < 0, 0.2, False, 0.0)
+    for found in _rectangles(whole, island, slope):
+        assert min(found.shape.half) > 0
+        assert len(found.border(96)) == 96

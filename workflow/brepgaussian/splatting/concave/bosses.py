@@ -31,6 +31,7 @@ _BORDER_CELLS = 5  # from a wall: a boss that ends there stands against it, for 
 _BESIDE_CELLS = 4  # around a top, where its rim is sought
 _IN_WALL_CELLS = 4.0  # that the section of a boss which stands against a wall reaches into it
 _WIDER_CELLS = (0.0, -3.0, 3.0)  # by which a top may be wider than its cells, or narrower
+_NARROWEST_CELLS = 3.0  # what is narrower is no rectangle that cells could tell
 _FAR_CELLS = 8.0  # from the end of a top's cells, at most, to where the views show the steepest step
 _ENDS, _ALONG_SIDE = 0.15, 40  # of a side at either end, which tell of other sides; places that are asked between
 _FRINGE, _WIDE = 0.5, 0.8  # of the cells side by side, and the quantile of their numbers that is a boss's width
@@ -181,10 +182,9 @@ def _rectangles(prism: Prism, island: Prism, slope: Array) -> Iterator[Section]:
                 free[k, axis] = False
     outward = np.where(free, [[-1.0], [1.0]], 0.0)
     moves = [_WIDER_CELLS if free[:, axis].any() else (0.0,) for axis in (0, 1)]
-    for wider in product(*moves):
-        yield _rectangle(axes, ends + outward * np.array(wider))
-    if free.any():
-        yield _rectangle(axes, _steepest(axes, ends, free, slope))
+    tried = [ends + outward * np.array(wider) for wider in product(*moves)]
+    tried += [_steepest(axes, ends, free, slope)] if free.any() else []
+    yield from (_rectangle(axes, some) for some in tried if (some[1] - some[0]).min() >= _NARROWEST_CELLS)
 
 
 def _steepest(axes: Array, ends: Array, free: Cells, slope: Array) -> Array:
