@@ -189,25 +189,38 @@ def test_long_narrow_holes_through_bosses_are_open_all_the_way(tmp_path):
         assert (scene.signed_distance(axis) > 0).all()
 
 
+GRID = np.stack(np.meshgrid(np.arange(90.0), np.arange(80.0), indexing="ij"), axis=-1)
+
+
+def walled(turn=0.0):
+    """A pocket of 60 by 44 cells."""
+    walls = Section((45.0, 40.0), turn, Rounded((30.0, 22.0), 0.0))
+    lattice = Lattice(np.zeros(3), *np.eye(3), PITCH, (90, 80))
+    return Prism(lattice, walls.signed_distance(GRID) < 0, 0.3, False, 0.0, section=walls)
+
+
+def boss(whole, outline):
+    """What stands in it, a tenth below its rim."""
+    return Prism(whole.lowered(0.1), outline, 0.2, False, 0.0)
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.35])
 def test_the_section_of_a_boss_in_a_corner_reaches_into_its_walls(turn):
     """Its outline is ragged; the sides that face the pocket are where most of it ends."""
-    grid = np.stack(np.meshgrid(np.arange(90.0), np.arange(80.0), indexing="ij"), axis=-1)
-    walls = Section((45.0, 40.0), turn, Rounded((30.0, 22.0), 0.0))
     post = Section((45 + 24 * np.cos(turn) - 16 * np.sin(turn), 40 + 24 * np.sin(turn) + 16 * np.cos(turn)), turn,
                    Rounded((6.0, 6.0), 0.0))  # fmt: skip
-    lattice = Lattice(np.zeros(3), *np.eye(3), PITCH, (90, 80))
-    whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
-    outline = post.signed_distance(grid) < 0
-    outline |= (np.abs(grid - np.array(post.center) + 5 * np.array([np.cos(turn), np.sin(turn)])) < 2.0).all(axis=-1)
-    found = next(iter(_rectangles(whole, Prism(whole.lowered(0.1), outline, 0.2, False, 0.0), np.zeros((90, 80)))))
+    whole = walled(turn)
+    walls = whole.section
+    outline = post.signed_distance(GRID) < 0
+    outline |= (np.abs(GRID - np.array(post.center) + 5 * np.array([np.cos(turn), np.sin(turn)])) < 2.0).all(axis=-1)
+    found = next(iter(_rectangles(whole, boss(whole, outline), np.zeros((90, 80)))))
     border = post.border(200)
     free = border[walls.signed_distance(border) < -1]
     assert np.abs(found.signed_distance(free)).max() < 1.0
     beyond = found.border(200)
     assert walls.signed_distance(beyond).max() > 2.0
     alone = Section((45.0, 40.0), turn, Rounded((6.0, 6.0), 0.0))
-    island = Prism(whole.lowered(0.1), alone.signed_distance(grid) < 0, 0.2, False, 0.0)
+    island = boss(whole, alone.signed_distance(GRID) < 0)
     found = next(iter(_rectangles(whole, island, np.zeros((90, 80)))))
     assert np.abs(found.signed_distance(alone.border(200))).max() < 1.0
 
@@ -215,14 +228,11 @@ def test_the_section_of_a_boss_in_a_corner_reaches_into_its_walls(turn):
 @pytest.mark.parametrize("past", [2, 6])
 def test_the_sides_of_a_boss_are_where_views_show_steps(past):
     """Beside a floor of one grey the cells of its top go on, to one side, as far as its shadow is even."""
-    walls = Section((45.0, 40.0), 0.0, Rounded((30.0, 22.0), 0.0))
-    grid = np.stack(np.meshgrid(np.arange(90.0), np.arange(80.0), indexing="ij"), axis=-1)
-    lattice = Lattice(np.zeros(3), *np.eye(3), PITCH, (90, 80))
-    whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
+    whole = walled()
     rib = Section((45.0, 40.0), 0.0, Rounded((5.0, 12.0), 0.0))
     wider = Section((45.0 + past / 2, 40.0), 0.0, Rounded((5.0 + past / 2, 12.0), 0.0))
-    slope = np.exp(-(rib.signed_distance(grid) ** 2))
-    island = Prism(whole.lowered(0.1), wider.signed_distance(grid) < 0, 0.2, False, 0.0)
+    slope = np.exp(-(rib.signed_distance(GRID) ** 2))
+    island = boss(whole, wider.signed_distance(GRID) < 0)
     found = list(_rectangles(whole, island, slope))[-1]
     assert np.abs(found.signed_distance(rib.border(200))).max() <= 1.0
 
@@ -230,13 +240,10 @@ def test_the_sides_of_a_boss_are_where_views_show_steps(past):
 @pytest.mark.parametrize("wide", [1.0, 2.0, 2.6])
 def test_sides_of_a_narrow_boss_do_not_cross(wide):
     """Narrower by three cells it would be nothing, and no border of that can be looked at."""
-    grid = np.stack(np.meshgrid(np.arange(90.0), np.arange(80.0), indexing="ij"), axis=-1)
-    walls = Section((45.0, 40.0), 0.0, Rounded((30.0, 22.0), 0.0))
-    lattice = Lattice(np.zeros(3), *np.eye(3), PITCH, (90, 80))
-    whole = Prism(lattice, walls.signed_distance(grid) < 0, 0.3, False, 0.0, section=walls)
+    whole = walled()
     rib = Section((45.2, 40.0), 0.0, Rounded((wide, 12.0), 0.0))
-    slope = np.exp(-np.abs(grid[..., 0] - 45))
-    island = Prism(whole.lowered(0.1), rib.signed_distance(grid) < 0, 0.2, False, 0.0)
+    slope = np.exp(-np.abs(GRID[..., 0] - 45))
+    island = boss(whole, rib.signed_distance(GRID) < 0)
     for found in _rectangles(whole, island, slope):
         assert min(found.shape.half) > 0
         assert len(found.border(96)) == 96

@@ -5,7 +5,8 @@ Where the hull lies below a face's plane, within the face's outline, nothing is;
 refute belongs to one opening, as far as the rest of the lid spans it. The notch itself goes on beyond that.
 """
 
-from itertools import product
+from collections.abc import Iterator
+from itertools import islice, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,22 +63,29 @@ def broken_rims(images: Images, scene: Scene, stack: Stack, least_area: float) -
     face = rectify(images, scene, stack.lattice.widened(_FRAME_CELLS))
     gone = _gone(scene, face)
     whole = across(images, scene, face.lattice, face.domain | gone)
-    found = []
+    found: list[Outline] = []
     for opening in openings(whole, least_area):
-        # beside the notch remnants of the lid hang on its walls
-        lid = ndimage.binary_opening(opening & face.refuted, iterations=OPENING_CELLS)
-        if lid.sum() >= max(_LEAST_LID * opening.sum(), 1):
-            outlines = [_completed(ndimage.binary_fill_holes(opening & convex_hull_image(lid)), opening, whole)]
-            # what is left of the lid may span a part of the opening only: two notches have opened an end of it
-            outlines += _rimmed(_without_notches(opening, whole), opening, whole)
-        elif lid.sum() * stack.lattice.pitch**2 >= least_area:
-            outlines = [_inscribed(opening, whole)]  # slots that cross it have left little of the lid
-        else:
-            outlines = _rimmed(_disc(opening, whole) or _without_notches(opening, whole), opening, whole)
-            outlines = [outline for outline in outlines if _refuted_below(images, scene, whole, outline)]
-        outlines = [o for o in outlines if (o & gone).sum() >= _LEAST_GONE * o.sum() and is_framed(whole, o)]
-        found += outlines[:1]
+        likely = _outlines(images, scene, face, whole, opening, least_area)
+        framed = (o for o in likely if (o & gone).sum() >= _LEAST_GONE * o.sum() and is_framed(whole, o))
+        found += islice(framed, 1)
     return (face, whole, found) if found else (stack, stack, [])
+
+
+def _outlines(
+    images: Images, scene: Scene, face: Stack, whole: Stack, opening: Outline, least_area: float
+) -> Iterator[Outline]:
+    """(R, C) what an opening may be without the notches through its rim, likeliest first."""
+    # beside the notch remnants of the lid hang on its walls
+    lid = ndimage.binary_opening(opening & face.refuted, iterations=OPENING_CELLS)
+    if lid.sum() >= max(_LEAST_LID * opening.sum(), 1):
+        yield _completed(ndimage.binary_fill_holes(opening & convex_hull_image(lid)), opening, whole)
+        # what is left of the lid may span a part of the opening only: two notches have opened an end of it
+        yield from _rimmed(_without_notches(opening, whole), opening, whole)
+    elif lid.sum() * face.lattice.pitch**2 >= least_area:
+        yield _inscribed(opening, whole)  # slots that cross it have left little of the lid
+    else:
+        outlines = _rimmed(_disc(opening, whole) or _without_notches(opening, whole), opening, whole)
+        yield from (outline for outline in outlines if _refuted_below(images, scene, whole, outline))
 
 
 def _completed(outline: Outline, opening: Outline, stack: Stack) -> Outline:

@@ -18,7 +18,7 @@ from brepgaussian.splatting.concave.broken import broken_rims
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, Plane, lattice_over, planar_regions, region_on
-from brepgaussian.splatting.concave.prism import Lattice
+from brepgaussian.splatting.concave.prism import Lattice, over
 from brepgaussian.splatting.concave.rays import gather
 from brepgaussian.splatting.concave.rooms import Corner, Sought
 from brepgaussian.splatting.concave.scene import Scene
@@ -212,17 +212,14 @@ def _outside_pockets(
             pockets += [(whole.lattice, outline) for outline in outlines]
     for lid, floors, stack, outline in sought:
         cells = stack.lattice.centers()[outline]
-        if not any(_within(cells, *pocket).mean() > _IN_POCKET for pocket in pockets):
+        if not any(_lie_in(cells, *pocket) for pocket in pockets):
             yield lid, floors, stack, outline
 
 
-def _within(cells: Array, lattice: Lattice, outline: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) which of the cells (N, 3) lie below an outline (R, C)."""
-    places, height = lattice.coordinates(cells)
-    at = np.round(places).astype(int)
-    within = ((at >= 0) & (at < outline.shape)).all(axis=1) & (height < lattice.pitch)
-    within[within] = outline[tuple(at[within].T)]
-    return np.asarray(within)
+def _lie_in(cells: Array, lattice: Lattice, outline: NDArray[np.bool_]) -> bool:
+    """Whether cells (N, 3) lie in a pocket with an outline (R, C), most of them."""
+    inside, height = over(lattice, outline, cells)
+    return bool((inside & (height < lattice.pitch)).mean() > _IN_POCKET)
 
 
 def _starts(lid: PlanarRegion, floors: Sequence[_Floor], cells: Array) -> Iterator[Corner]:

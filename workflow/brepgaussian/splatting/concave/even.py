@@ -7,6 +7,7 @@ rays tell of something deeper, though not surely, as they all together make like
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -29,6 +30,8 @@ _RAYS = 60_000
 
 logger = log.get_logger("stage1")
 
+Looked = tuple[float, Sequence[Opening]]  # see `along_walls`
+
 
 def evened(images: Images, scene: Scene, prisms: Mapping[int, Prism]) -> dict[int, Prism]:
     """Those of some concavities that become deeper.
@@ -38,28 +41,35 @@ def evened(images: Images, scene: Scene, prisms: Mapping[int, Prism]) -> dict[in
         scene: the hull, before they are cut.
         prisms: concavities by any number; what is not plain and blind, with drawn walls, stays.
     """
-    result: dict[int, Prism] = {}
     plain = [k for k, prism in prisms.items() if is_plain(prism) and prism.section is not None]
-    seen = {k: along_walls(images, scene, prisms[k], (_RAYS,)) for k in plain if prisms[k].endless}
-    for k in plain:
-        alike = [j for j in plain if j == k or _alike(prisms[k], prisms[j])]
+
+    @cache
+    def looked(k: int) -> Looked | None:
+        return along_walls(images, scene, prisms[k], (_RAYS,))
+
+    @cache  # of each pattern once
+    def depth_of(alike: tuple[int, ...]) -> tuple[float, bool]:
+        """How deep some holes of one pattern are, and whether that is told."""
         deepest = max((prisms[j] for j in alike), key=lambda p: p.depth)
-        depth = deepest.depth
-        if deepest.endless:
-            depth = _likeliest([looked for j in alike if (looked := seen.get(j)) is not None], depth)
+        if not deepest.endless:
+            return deepest.depth, True
+        seen = [looked(j) for j in alike if prisms[j].endless]
+        return _likeliest([some for some in seen if some is not None], deepest.depth), False
+
+    result: dict[int, Prism] = {}
+    for k in plain:
+        alike = tuple(j for j in plain if j == k or _alike(prisms[k], prisms[j]))
+        depth, told = depth_of(alike)
         if depth < prisms[k].depth + _DEEPER_CELLS * prisms[k].lattice.pitch:
             continue
-        if not _surely_shallower(images, scene, prisms[k], depth):
-            logger.info(
-                "opening of area %.4f: %.4f deep %s, not %.4f",
-                prisms[k].area, depth, "as one like it" if depth == deepest.depth else "more likely", prisms[k].depth,
-            )  # fmt: skip
-            untold = deepest.endless or depth > deepest.depth
-            result[k] = replace(prisms[k], depth=depth, endless=prisms[k].endless and untold)
+        if not _surely_shallower(looked(k), prisms[k].depth, depth):
+            why = "as one like it" if any(prisms[j].depth == depth for j in alike) else "more likely"
+            logger.info("opening of area %.4f: %.4f deep %s, not %.4f", prisms[k].area, depth, why, prisms[k].depth)
+            result[k] = replace(prisms[k], depth=depth, endless=prisms[k].endless and not told)
     return result
 
 
-def _likeliest(looked: Sequence[tuple[float, Sequence[Opening]]], least: float) -> float:
+def _likeliest(looked: Sequence[Looked], least: float) -> float:
     """The least depth (unit frame) of those that rays make likeliest, or the `least` of all if they tell of none.
 
     Each hole's advantage over the least depth is in standard errors, so their sum is in roots of their number.
@@ -93,13 +103,12 @@ def _alike(one: Prism, other: Prism) -> bool:
     return abs(mine * pitch - its * other.lattice.pitch) < _AS_WIDE_CELLS * pitch and apart < _LEVEL_CELLS * pitch
 
 
-def _surely_shallower(images: Images, scene: Scene, prism: Prism, depth: float) -> bool:
-    """Whether views surely agree better on a hole as it is than on one of some greater depth."""
-    looked = along_walls(images, scene, prism, (_RAYS,))
+def _surely_shallower(looked: Looked | None, depth: float, deeper: float) -> bool:
+    """Whether views surely agree better on a hole of one depth than on a deeper one."""
     if looked is None:
         return False
     pitch, (opening,) = looked
-    if depth / pitch > opening.deepest:
+    if deeper / pitch > opening.deepest:
         return True
-    old, new = (opening.costs(Shape(one / pitch)) for one in (prism.depth, depth))
+    old, new = (opening.costs(Shape(one / pitch)) for one in (depth, deeper))
     return opening.advantage(new, old) >= SURE

@@ -83,7 +83,12 @@ def with_islands(
 
 
 def _drawn(images: Images, hull: Volume, prism: Prism, margin: float, islands: Sequence[Prism]) -> list[Prism]:
-    return sectioned(images, hull.without(replace(prism, islands=tuple(islands)), margin).scene(), prism, islands)
+    return sectioned(images, _standing(hull, prism, margin, islands), prism, islands)
+
+
+def _standing(hull: Volume, prism: Prism, margin: float, islands: Sequence[Prism]) -> Scene:
+    """The hull with a pocket in which bosses stand."""
+    return hull.without(replace(prism, islands=tuple(islands)), margin).scene()
 
 
 def has_room(prism: Prism) -> bool:
@@ -145,7 +150,7 @@ def _believed(
     """The bosses that views believe, those of one height looked at again without what stood before them."""
 
     def seen(some: Sequence[Prism]) -> list[_Seen]:
-        return _seen(rays, hull.without(replace(prism, islands=tuple(some)), margin).scene(), cut, some)
+        return _seen(rays, _standing(hull, prism, margin, some), cut, some)
 
     left, said = list(islands), []
     for _ in range(_LOOKS if islands else 0):
@@ -167,7 +172,7 @@ def _beside_others(rays: Rays, hull: Volume, prism: Prism, margin: float, seen: 
         others = [island for island in left if island is not one.island]
         if not others or one.left <= _SURE_LEFT:
             break
-        both = [hull.without(replace(prism, islands=tuple(some)), margin).scene() for some in (left, others)]
+        both = [_standing(hull, prism, margin, some) for some in (left, others)]
         if not _seen(rays, both[0], both[1], [one.island])[0].believed:
             left = others
     return left
@@ -180,18 +185,21 @@ def _joined(rays: Rays, hull: Volume, prism: Prism, margin: float, islands: list
     """
     for one, other in combinations(islands, 2):
         span = _spanned(prism, one, other)
-        if span is None:
-            continue
-        whole, apart = span
-        between = replace(one, outline=whole & ~(one.outline | other.outline), section=None)
-        if apart:
-            some = [*islands, between], islands
-            both = [hull.without(replace(prism, islands=tuple(i)), margin).scene() for i in some]
-            seen = _seen(rays, both[0], both[1], [between])[0]
-        if not apart or (seen.off >= _LEAST_OFF and seen.left <= _NO_WORSE):
+        if span is not None and (not span[1] or _may_go_on(rays, hull, prism, margin, islands, (one, other), span[0])):
             rest = [i for i in islands if i is not one and i is not other]
-            return _joined(rays, hull, prism, margin, [replace(one, outline=whole, section=None), *rest])
+            return _joined(rays, hull, prism, margin, [replace(one, outline=span[0], section=None), *rest])
     return islands
+
+
+def _may_go_on(
+    rays: Rays, hull: Volume, prism: Prism, margin: float, islands: Sequence[Prism], ends: tuple[Prism, Prism],
+    whole: Cells,
+) -> bool:  # fmt: skip
+    """Whether views say nothing against a wall's top (R, C) between two bosses that would be its ends."""
+    between = replace(ends[0], outline=whole & ~(ends[0].outline | ends[1].outline), section=None)
+    both = [_standing(hull, prism, margin, some) for some in ([*islands, between], islands)]
+    seen = _seen(rays, both[0], both[1], [between])[0]
+    return seen.off >= _LEAST_OFF and seen.left <= _NO_WORSE
 
 
 def _spanned(prism: Prism, one: Prism, other: Prism) -> tuple[Cells, bool] | None:
