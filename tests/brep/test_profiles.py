@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.patches import Patch
-from brepgaussian.brep.profiles import flattened, grooved, straightened
+from brepgaussian.brep.profiles import flattened, grooved, straightened, unbent
 from brepgaussian.geometry.fit import fit_robust
 from brepgaussian.geometry.surfaces import cone, cylinder, plane, torus, unit
 
@@ -144,3 +144,33 @@ def test_a_shoulder_whose_points_bend_up_at_its_foot_may_be_a_plane(bend, change
     if found:
         assert np.allclose(found[0].new[0].surface.axis, axis)
         assert found[0].new[0].surface.origin[2] == pytest.approx(-0.1, abs=0.003)
+
+
+@pytest.mark.parametrize("seed", [51, 52, 53])
+def test_a_chamfer_that_bends_at_its_edges_is_a_plane(seed):
+    rng = np.random.default_rng(seed)
+    along, count = unit(rng.normal(size=3)), 400
+    across = unit(np.cross(along, rng.normal(size=3)))
+    up = np.cross(along, across)
+    x, y = rng.uniform(-0.02, 0.02, count), rng.uniform(-0.3, 0.3, count)
+    bent = 0.35 * np.sign(x) * (np.abs(x) > 0.013)  # turned by 20 degrees beside its edges
+    middle = rng.uniform(0.4, 0.6, 3)
+    xyz = middle + x[:, None] * across + y[:, None] * along - (0.006 * (np.abs(x) / 0.02) ** 6)[:, None] * up
+    xyz += rng.normal(0, NOISE / 2, xyz.shape)
+    normals = np.cos(bent)[:, None] * up + np.sin(bent)[:, None] * across
+    arc = cylinder(middle - 0.05 * up, along, 0.05)
+    (change,) = unbent([as_patch(xyz, normals, arc)])
+    (new,) = change.new
+    assert new.surface.kind == "plane"
+    assert new.surface.axis @ up > np.cos(np.radians(4))
+    assert abs(new.surface.signed_distance(middle[None])[0]) < 0.003
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+def test_a_fillet_stays_a_cylinder(flipped):
+    rng = np.random.default_rng(6)
+    angle = rng.uniform(-np.pi / 4, np.pi / 4, 500)
+    outward = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(500)])
+    xyz = 0.05 * outward + rng.uniform(-0.3, 0.3, 500)[:, None] * [0, 0, 1]
+    arc = cylinder(np.zeros(3), np.array([0, 0, 1.0]), 0.05, flipped=flipped)
+    assert unbent([as_patch(xyz, arc.normals(xyz), arc)]) == []

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
-from brepgaussian.splatting.hull import Hull, carve, silhouette_distance, spread
+from brepgaussian.splatting.hull import Hull, carve, silhouette_distance
 from brepgaussian.splatting.settle import settle
+from brepgaussian.splatting.spreading import spread
 from synthetic import sphere_masks, sphere_views
 
 

@@ -19,7 +19,7 @@ from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import Patch, make_patches
 from brepgaussian.brep.polish import Polished, badness, inspect
-from brepgaussian.brep.profiles import flattened, grooved, straightened
+from brepgaussian.brep.profiles import flattened, grooved, straightened, unbent
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.shown import SHOWN_PX, edge_rows
@@ -110,13 +110,17 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with rolled fillets, flat cones as planes, coplanar faces, even pipes, without skins, smooth fillets,
-    planes for curved walls, what symmetries carry, straight profiles, grooves, planes clear of what they touch.
+    """The job with rolled fillets, flat cones and short arcs as planes, coplanar faces, even pipes, without skins,
+    smooth fillets, planes for curved walls, what symmetries carry, straight profiles, grooves, planes clear of what
+    they touch.
     """
     yield from rolled(job, sigma)
     flat = flattened(job.patches)
     if flat:
         yield applied(job, flat)
+    short = unbent(job.patches)
+    if short:
+        yield applied(job, short)
     yield from _changed(job, coplanar(job.patches))
     yield from _changed(job, even_tubes(job.patches, sigma))
     yield from bared(job)
@@ -127,9 +131,9 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
         if planes:
             yield applied(job, planes)
     yield from symmetric(job)
-    straight = straightened(job.patches)
-    if straight:
-        apart = applied(job, straight)
+    profiles = straightened(job.patches)
+    if profiles:
+        apart = applied(job, profiles)
         yield from bared(apart)
         yield apart
         yield from symmetric(apart)

@@ -31,6 +31,8 @@ _LEAST_TURN = np.radians(10.0)  # between the pieces
 _SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, is a cylinder or a plane,
 _LEANING = np.radians(25.0)  # or this near in a groove, which narrows in a hull
 _FLAT = np.radians(35.0)  # a cone as near to square to its axis may be a shoulder: 25 measured; of a drill tip 31
+_BENT = np.radians(50.0)  # that normals of a narrow plane may turn by: where it meets others, hulls round its edges
+_WITHIN = 0.1  # quantile of the normals at both ends
 _BREAKS = 160  # places along a profile at which pieces of a groove may meet
 
 
@@ -86,6 +88,28 @@ def flattened(patches: Sequence[Patch]) -> list[Change]:
         surface = plane(middle, np.copysign(1.0, float(np.median(patch.normals @ normal))) * normal)
         name = f"patch {patch.primitive} flat"
         result.append(Change(name, (i,), (supported(patch, surface, patch.xyz, patch.normals),)))
+    return result
+
+
+def unbent(patches: Sequence[Patch]) -> list[Change]:
+    """One change for every cylinder of a short arc: a plane through its points, which may bend at its edges only."""
+    result: list[Change] = []
+    for i, patch in enumerate(patches):
+        if patch.surface.kind != "cylinder":
+            continue
+        mean = patch.normals.mean(axis=0)
+        middle = mean / max(float(np.linalg.norm(mean)), 1e-9)
+        side = np.cross(patch.surface.axis, middle)
+        turned = np.arctan2(patch.normals @ side, patch.normals @ middle)
+        if np.ptp(np.quantile(turned, [_WITHIN, 1 - _WITHIN])) > _BENT:
+            continue
+        centre = patch.xyz.mean(axis=0)
+        normal = np.linalg.svd(patch.xyz - centre, full_matrices=False)[2][2]
+        if abs(float(normal @ middle)) < np.cos(_BENT / 2):
+            continue  # hardly wider than its points scatter
+        surface = plane(centre, np.copysign(1.0, float(normal @ middle)) * normal)
+        new = supported(patch, surface, patch.xyz, patch.normals)
+        result.append(Change(f"patch {patch.primitive} unbent", (i,), (new,)))
     return result
 
 

@@ -1,4 +1,4 @@
-"""Visual hull from silhouettes, at sub-voxel accuracy, and surfels spread evenly over it."""
+"""Visual hull from silhouettes, at sub-voxel accuracy, opened where images show it to be open."""
 
 import ctypes
 from dataclasses import dataclass
@@ -29,13 +29,12 @@ from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edge
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
 from brepgaussian.splatting.relief import relieve
+from brepgaussian.splatting.spreading import spread
 
 _UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
 _MARGIN = 0.04  # of the unit frame, around the object's box
 _BAND_VOXELS = 3.0  # the field is exact this far from the surface
-_PACKING = 0.47  # share of the surface under disks of half the distance that dart throwing reaches (measured)
 _REGION_SAMPLES = 6000  # of a hull: a face of a thousandth of its area still gets a few
-_OVERSAMPLING = 12  # candidates per kept point when spreading points evenly
 
 
 @dataclass(frozen=True)
@@ -194,40 +193,3 @@ def hull_field(
         for side in (0, -1):
             np.moveaxis(field, axis, 0)[side] = -spacing
     return field, origin, spacing
-
-
-def spread(hull: Hull, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """About `count` evenly spaced points on the hull: (N, 3) positions, (N, 3) normals, and their spacing.
-
-    Dart throwing (Poisson disks) among samples uniform by area; a disk that would touch a kept one is dropped.
-    """
-    from scipy.spatial import cKDTree
-
-    rng = np.random.default_rng(seed)
-    a, b, c = (hull.vertices[hull.triangles[:, k]] for k in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    chosen = rng.choice(len(areas), count * _OVERSAMPLING, p=areas / areas.sum())
-    u, v = rng.random((2, len(chosen)))
-    flip = u + v > 1
-    u[flip], v[flip] = 1 - u[flip], 1 - v[flip]
-    weights = np.stack([1 - u - v, u, v], axis=1)  # (M, 3) barycentric
-    points = np.einsum("mk,mkc->mc", weights, hull.vertices[hull.triangles[chosen]])
-    normals = np.einsum("mk,mkc->mc", weights, hull.normals[hull.triangles[chosen]])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    radius = float(np.sqrt(_PACKING * areas.sum() / count * 4 / np.pi))
-    neighbours = cKDTree(points).query_pairs(radius, output_type="ndarray")
-    kept = _dart_throwing(len(points), neighbours)
-    return points[kept], normals[kept], radius
-
-
-def _dart_throwing(count: int, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Keep points in their order, each one dropping the later ones that are paired with it."""
-    pairs = np.sort(pairs, axis=1)
-    pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
-    starts = np.searchsorted(pairs[:, 0], np.arange(count + 1))
-    later = pairs[:, 1]
-    kept = np.ones(count, bool)
-    for i in range(count):
-        if kept[i]:
-            kept[later[starts[i] : starts[i + 1]]] = False
-    return kept

@@ -19,12 +19,13 @@ from brepgaussian.splatting.contrastive import normalised
 from brepgaussian.splatting.densify import Statistics, densify, reset_opacities
 from brepgaussian.splatting.engine import LossWeights, Step, average_targets, training_step
 from brepgaussian.splatting.faces import Face, assign, planes, tied
-from brepgaussian.splatting.hull import Hull, carve, spread
+from brepgaussian.splatting.hull import Hull, carve
 from brepgaussian.splatting.joint import JointFeatures
 from brepgaussian.splatting.library import Cloud, Floats, Raster
 from brepgaussian.splatting.parameters import Parameters, quaternions_of, turned
 from brepgaussian.splatting.recipes import effective, random_start, towards_cameras
 from brepgaussian.splatting.settle import settle
+from brepgaussian.splatting.spreading import spread, spread_closer
 from brepgaussian.splatting.targets import Target, is_grey, make_targets, training_scale
 from brepgaussian.views.noise import noise_of
 
@@ -148,17 +149,23 @@ def run(views: Views, masks: Masks, settings: Stage1Settings, threads: int) -> T
 
 
 def start(views: Views, hull: Hull, settings: Stage1Settings) -> Parameters:
-    """Surfels spread evenly over the hull."""
-    points, normals, spacing = spread(hull, settings.surfels, settings.seed)
+    """Surfels spread over the hull, evenly on each face."""
+    points, normals, distances = spread_closer(hull, settings.surfels, settings.seed)
     count, channels = len(points), (1 if is_grey(views) else 3) + 1
     cloud = Cloud(
         centers=points.astype(np.float32),
         quaternions=quaternions_of(normals),
-        scales=np.full((count, 2), settings.coverage * spacing, np.float32),
+        scales=np.repeat((settings.coverage * distances).astype(np.float32)[:, None], 2, axis=1),
         opacities=np.full(count, START_OPACITY, np.float32),
         channels=np.full((count, channels), 0.5, np.float32),
     )
-    logger.info("hull: %d vertices; %d surfels, %.4f apart", len(hull.vertices), count, spacing)
+    logger.info(
+        "hull: %d vertices; %d surfels, %.4f apart, %d closer",
+        len(hull.vertices),
+        count,
+        distances.max(),
+        (distances < distances.max()).sum(),
+    )
     return Parameters(cloud)
 
 

@@ -155,11 +155,18 @@ def _weights(z: Array, kind: NDArray, group: NDArray) -> Array:
         if len(rows) == 0:
             continue
         scale = max(1.0, MAD_TO_SIGMA * float(np.median(size[rows])))
-        rows = rows[np.argsort(group[rows], kind="stable")]
-        for own in np.split(rows, np.flatnonzero(np.diff(group[rows])) + 1):
-            reach = TUKEY * max(scale, MAD_TO_SIGMA * float(np.median(size[own])))
-            weight[own] = np.clip(1 - (size[own] / reach) ** 2, 0, None) ** 2 / scale**2
+        reach = TUKEY * np.maximum(scale, MAD_TO_SIGMA * _medians(size[rows], group[rows]))
+        weight[rows] = np.clip(1 - (size[rows] / reach) ** 2, 0, None) ** 2 / scale**2
     return weight
+
+
+def _medians(values: Array, group: NDArray) -> Array:
+    """(R,) median of the values of each row's group: thousands of groups are too many for a call each."""
+    ordered = values[np.lexsort((values, group))]
+    _, inverse, count = np.unique(group, return_inverse=True, return_counts=True)
+    first = np.cumsum(count) - count
+    median = (ordered[first + (count - 1) // 2] + ordered[first + count // 2]) / 2
+    return median[inverse.reshape(-1)]
 
 
 class _Problem:
