@@ -82,6 +82,18 @@ def test_points_that_were_made_on_a_narrow_fillet_tell_nothing_about_its_kind(bl
     assert bool(found) is not made
 
 
+def test_a_narrow_ring_is_tried_as_a_chamfer_before_a_sphere(block):
+    rng = np.random.default_rng(8)
+    chamfer = cone(np.array([0.5, 0.5, 0.8]), np.array([0, 0, -1.0]), 0.3, np.radians(45))
+    about, down = rng.uniform(0, 2 * np.pi, 600), rng.uniform(0, 0.02, 600)
+    xyz = np.column_stack([0.5 + (0.3 + down) * np.cos(about), 0.5 + (0.3 + down) * np.sin(about), 0.8 - down])
+    xyz += rng.normal(0, SIGMA / 2, xyz.shape)
+    ring = torus(np.array([0.5, 0.5, 0.76]), np.array([0, 0, 1.0]), 0.26, 0.07)
+    strip = Patch(ring, 90, xyz, chamfer.normals(xyz), 0.02, SIGMA)
+    found = [c.new[0].surface.kind for c in proposals([*patches_of(block), strip], SIGMA, 0) if c.gone == (7,)]
+    assert found == ["cone", "sphere"]
+
+
 @pytest.mark.parametrize(("taper", "kind"), [(0.1, "cylinder"), (3.0, None)])
 def test_the_refined_surface_tells_what_rounded_points_do_not(block, taper, kind):
     patches = patches_of(block)

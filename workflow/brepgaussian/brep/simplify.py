@@ -26,7 +26,7 @@ SIMPLER = {
     "cylinder": ("plane",),
     "sphere": ("plane",),
     "cone": ("plane", "cylinder"),
-    "torus": ("plane", "cylinder", "sphere", "cone"),
+    "torus": ("plane", "cylinder", "cone", "sphere"),
 }
 COMPLEXITY = {"plane": 0, "cylinder": 1, "sphere": 1, "cone": 2, "torus": 3}
 _QUANTILE = 0.7  # of distances: the rest may be wrong labels and rounded-off borders
@@ -170,13 +170,17 @@ def _alike(large: Patch, small: Patch, noise: float) -> bool:
 def _kinds(
     patches: Sequence[Patch], noise: float, rng: np.random.Generator, sigmas: float = _SIGMAS
 ) -> Iterator[Change]:
-    """Patches that a simpler kind explains to within some noises; the simplest that does."""
+    """Patches that a simpler kind explains to within some noises; the simplest that does.
+
+    A narrow ring of a torus may be one of a cone, as chamfers are, or of a sphere: the points cannot tell.
+    """
     for index, patch in enumerate(patches):
         for kind in () if patch.made else SIMPLER[patch.surface.kind]:
             surface = fitted_to(kind, [patch], noise, rng)
             if surface is not None and explains(surface, patch, noise, sigmas):
                 yield Change(f"patch {patch.primitive} as a {kind}", (index,), (joined(surface, [patch]),))
-                break
+                if kind != "cone":
+                    break
 
 
 def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:

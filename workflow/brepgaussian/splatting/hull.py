@@ -18,7 +18,9 @@ from brepgaussian.splatting.concave import (
     open_channels,
     open_concavities,
     open_corners,
+    open_curved,
     open_notches,
+    open_onward,
     open_recesses,
     refilled,
     widen,
@@ -148,10 +150,14 @@ def carve(
             volume, wider = widen(images, volume, planes, more)
             prisms += notches + more + recesses + wider
             volume = refilled(images, uncut, cornered, volume, prisms)
+            volume, prisms = open_onward(images, volume, prisms)
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)
             if volume is not before:
                 volume, faces = flatten_faces(images, patches, volume, _sample, faces, True, before.scene())
+                if concavities:  # what curved faces hold shows where these are right, as below a flange
+                    planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
+                    volume, prisms = open_onward(images, *open_curved(images, volume, prisms, planes))
     vertices, triangles = volume.mesh()
     normals = vertex_normals(vertices, triangles)
     return Hull(vertices, triangles, normals, volume.spacing, tuple(prisms), tuple(fillets), tuple(bends)), faces

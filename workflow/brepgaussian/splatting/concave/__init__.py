@@ -7,7 +7,7 @@ show the floor. See `docs/splatting.md`.
 """
 
 from brepgaussian.splatting.concave.bends import Bend
-from brepgaussian.splatting.concave.carve import open_channels, open_concavities
+from brepgaussian.splatting.concave.carve import open_channels, open_concavities, open_curved, open_onward
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.notches import open_notches
@@ -27,7 +27,9 @@ __all__ = [
     "open_channels",
     "open_concavities",
     "open_corners",
+    "open_curved",
     "open_notches",
+    "open_onward",
     "open_recesses",
     "refilled",
     "widen",

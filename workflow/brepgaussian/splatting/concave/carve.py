@@ -14,6 +14,7 @@ from brepgaussian.splatting.concave.even import evened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import has_room, with_islands
 from brepgaussian.splatting.concave.join import joined, square_ends, told_once
+from brepgaussian.splatting.concave.meeting import met
 from brepgaussian.splatting.concave.onward import onward
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
@@ -131,10 +132,37 @@ def open_concavities(
         if further is not prism:
             known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
             scene = hull.scene(known)
-    hull, known = _with_agreeable(images, hull, scene, known, find_curved(images, scene, hull.spacing, known, planes))
-    scene = hull.scene(known)
-    hull, known = _with_agreeable(images, hull, scene, known, counterbored(images, scene, hull.spacing, known))
+    hull, known = open_curved(images, hull, known, planes)
     return hull, known, bends
+
+
+def open_curved(
+    images: Images, hull: Volume, known: Sequence[Prism], planes: Sequence[Plane]
+) -> tuple[Volume, list[Prism]]:
+    """Carve holes and pockets in a hull's curved faces.
+
+    Arguments and results are those of `open_concavities`; `known` are the concavities that are open already.
+    """
+    scene = hull.scene(known)
+    found = find_curved(images, scene, hull.spacing, known, planes)
+    hull, opened = _with_agreeable(images, hull, scene, known, found)
+    scene = hull.scene(opened)
+    hull, opened = _with_agreeable(images, hull, scene, opened, counterbored(images, scene, hull.spacing, opened))
+    return hull, opened
+
+
+def open_onward(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[Volume, list[Prism]]:
+    """Lead holes on that end just short of others, of all that are `known`; the hull and all of them."""
+    result, scene = list(known), hull.scene(known)
+    for k, prism in enumerate(known):
+        further = met(scene, prism, [other for other in result if other is not prism])
+        if further is prism:
+            continue
+        deeper = hull.without(further, MARGIN_CELLS * hull.spacing)
+        if not _disagree(images, hull, deeper, further):
+            result[k], hull = further, deeper
+            scene = hull.scene(result)
+    return hull, result
 
 
 def _with_agreeable(
@@ -242,8 +270,11 @@ def _worse(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
 
     The round side of a ring looks like the face around a countersunk hole, which silhouettes see through.
     """
-    if not prism.draft or not prism.through:
-        return False
+    return bool(prism.draft and prism.through) and _disagree(images, hull, opened, prism)
+
+
+def _disagree(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
+    """Whether views agree less about a hull that a concavity was cut into, where that has changed it."""
     old, new, count = disagreements(images, hull.scene(), opened.scene(), _CHANGED_VOXELS * hull.spacing)
     worse = count >= _LEAST_RAYS and new > _LOSS * old
     if worse:
