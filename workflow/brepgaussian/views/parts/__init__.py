@@ -111,11 +111,11 @@ PARTS: dict[str, PartInfo] = {
     "valve_body": PartInfo("workshop", "ports that meet a stepped bore, a boss on a rounded block", HOLDOUT),
     "slide_rail": PartInfo("workshop", "a V groove over ledges, counterbores that break into its walls", HOLDOUT),
     "end_stop": PartInfo("workshop", "a counterbore beside a slanting plane, over a notch", HOLDOUT),
-    "step_pulley": PartInfo("workshop", "steps in a row, a small radial hole, a hollow below", HOLDOUT),
+    "step_pulley": PartInfo("workshop", "steps in a row, a small radial hole, a hollow below", TUNED),
     "crank_web": PartInfo("workshop", "tapered walls that run into hubs of unequal height, a shallow slot", TUNED),
     "shelf_bracket": PartInfo("workshop", "two ribs away from the ends of an inner corner, holes beside them", HOLDOUT),
     "pipe_saddle": PartInfo("workshop", "half a bore whose rims are chamfered, thin ears", HOLDOUT),
-    "bleed_screw": PartInfo("workshop", "a blind bore that a small radial hole meets, a relief, a cone", HOLDOUT),
+    "bleed_screw": PartInfo("workshop", "a blind bore that a small radial hole meets, a relief, a cone", TUNED),
     "neck_flange": PartInfo("fittings", "a cone between a plate and a tube, rounded corners", HOLDOUT),
     "castle_nut": PartInfo("fittings", "three slots that cross in a bore, hyperbolas below", HOLDOUT),
     "soft_jaw": PartInfo("fittings", "a step, slots that break into a groove", TUNED),
@@ -156,6 +156,10 @@ PARTS: dict[str, PartInfo] = {
     "battery_case": PartInfo("trays", "a low wall across a pocket, two notches in its rim", TUNED),
     "relay_tray": PartInfo("trays", "two low walls across a pocket, a notch in each of two walls", HOLDOUT),
     "drain_cup": PartInfo("trays", "a thin round wall with two slots, holes through the floor, a square foot", HOLDOUT),
+    "shaft_collar": PartInfo("drilled", "two set-screw holes that meet a bore", HOLDOUT),
+    "manifold_block": PartInfo("drilled", "ports that end in a blind bore, one of them counterbored", HOLDOUT),
+    "hub_flange": PartInfo("drilled", "a set-screw hole in a conical hub over a flange", HOLDOUT),
+    "vise_stop": PartInfo("drilled", "a hole that crosses a blind bore, a slot through the foot", HOLDOUT),
 }
 
 

@@ -1,0 +1,49 @@
+"""Bundled parts whose holes meet each other: set screws, ports, vents."""
+
+from build123d import Axis, Box, Cone, Cylinder, Part, Pos, Rot, SlotOverall, chamfer, extrude
+
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.sizes import Sizes
+from brepgaussian.views.parts.turned import turn
+
+
+def shaft_collar(s: Sizes) -> Part:
+    """A ring, chamfered outside on both sides, with two set-screw holes a quarter turn apart."""
+    outer, bore, wide, edge = s(22), s(10, 0.1), s(18), s(1.5)
+    body = turn((bore, 0), (outer - edge, 0), (outer, edge), (outer, wide - edge), (outer - edge, wide), (bore, wide))
+    for angle in (0, 90):
+        body -= Rot(0, 0, angle) * Pos(0, 0, wide / 2) * Rot(0, 90, 0) * Cylinder(s(3), BEYOND, align=BOTTOM)
+    return body
+
+
+def manifold_block(s: Sizes) -> Part:
+    """A chamfered block with a blind bore along it, which two ports from above meet; one port is counterbored."""
+    length, width, high, bore = s(70), s(32), s(34), s(6, 0.1)
+    body = Box(length, width, high, align=BOTTOM)
+    body = chamfer(body.faces().sort_by(Axis.Z)[-1].edges().filter_by(Axis.X), s(3))
+    body -= Pos(length / 2, 0, high * 0.4) * Rot(0, -90, 0) * Cylinder(bore, length * 0.8, align=BOTTOM)
+    for x, radius in ((-0.18, s(4, 0.1)), (0.22, s(3.2, 0.1))):
+        body -= Pos(x * length, 0, high * 0.4) * Cylinder(radius, BEYOND, align=BOTTOM)
+    return body - Pos(-0.18 * length, 0, high - s(6)) * Cylinder(s(8, 0.1), BEYOND, align=BOTTOM)
+
+
+def hub_flange(s: Sizes) -> Part:
+    """A flange with four holes and a tapered hub, in which a set-screw hole meets the bore."""
+    radius, thick, hub, tall, bore = s(36), s(9), s(16, 0.1), s(22), s(8, 0.1)
+    body = Cylinder(radius, thick, align=BOTTOM)
+    body += Pos(0, 0, thick) * Cone(hub, hub * 0.85, tall, align=BOTTOM)
+    for k in range(4):
+        body -= Rot(0, 0, 45 + 90 * k) * Pos(radius * 0.73, 0, 0) * Cylinder(s(3.5, 0.0), BEYOND)
+    body -= Pos(0, 0, thick + tall * 0.55) * Rot(0, 90, 0) * Cylinder(s(2.8), BEYOND, align=BOTTOM)
+    return body - Cylinder(bore, BEYOND)
+
+
+def vise_stop(s: Sizes) -> Part:
+    """A stepped stop with a long slot through its foot, and a thumb-screw hole that crosses a pin's blind bore."""
+    length, width, foot, high, deep = s(64), s(30), s(11), s(36), s(20)
+    body = Box(length, width, foot, align=BOTTOM)
+    body += Pos(-length / 2 + deep / 2, 0, 0) * Box(deep, width, high, align=BOTTOM)
+    body -= Pos(deep / 2, 0, 0) * extrude(SlotOverall(s(26), s(8, 0.1)), BEYOND, both=True)
+    at = Pos(-length / 2 + deep / 2, 0, high - s(9, 0.1))
+    body -= at * Rot(90, 0, 0) * Pos(0, 0, -width / 2) * Cylinder(s(4.5, 0.1), width * 0.75, align=BOTTOM)
+    return body - at * Rot(0, -90, 0) * Cylinder(s(2.6, 0.1), BEYOND, align=BOTTOM)
