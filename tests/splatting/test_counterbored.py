@@ -114,3 +114,36 @@ def test_a_hole_leans_if_far_fewer_rays_contradict_it(error, leans):
     assert find._told_best(straight, [[], told(0.11), leaning]) is (leaning if leans else straight)
     assert find._told_best([], [leaning]) is leaning
     assert find._told_best(straight, []) is straight
+
+
+def test_what_silhouettes_have_dug_below_a_spot_does_not_draw_its_face_down():
+    """A drum with a pit in its side, deeper than it is wide: the pit's floor is not beside the spot."""
+    x, y, z = np.moveaxis(
+        np.stack(np.meshgrid(*[np.arange(CELLS + 1) / CELLS] * 3, indexing="ij"), axis=-1) - 0.5, -1, 0
+    )
+    drum_field = np.minimum(0.5 - 0.02 - np.hypot(x, y), 0.3 - np.abs(z))
+    pit = np.minimum(0.07 - np.hypot(x, z), -0.34 - y)
+    hull = Volume(np.minimum(drum_field, -pit).astype(np.float32), np.zeros(3), 1 / CELLS)
+    turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    mouth = np.array([0.5, 0.02, 0.5]) + 0.08 * np.column_stack([np.cos(turn), 0 * turn, np.sin(turn)])
+    spot = spot_around(mouth, hull.scene(), hull.spacing, 1 / 200)
+    places = spot.lattice.centers() - spot.relief[..., None] * spot.lattice.normal
+    over = np.linalg.norm((places - [0.5, 0.02, 0.5])[..., [0, 2]], axis=-1) < 0.09
+    assert np.abs(np.hypot(*np.moveaxis(places[over][:, :2] - 0.5, -1, 0)) - 0.48).max() < 0.004
+
+
+def test_a_hole_in_a_face_that_tapers_may_run_square_to_its_axis():
+    top, side = Plane(np.array([0, 0, 1.0]), 0.8), Plane(np.array([0, 1.0, 0]), 0.9)
+    tapered = np.array([np.cos(0.1), 0, np.sin(0.1)])
+    (way,) = find._across(tapered, [top, side])
+    assert way == pytest.approx([1, 0, 0])
+    assert find._across(np.array([1.0, 0, 0]), [top, side]) == []
+    assert find._across(np.array([0.8, 0, 0.6]), [top, side]) == []
+
+
+@pytest.mark.parametrize(("errors", "best"), [((0.04, 0.03), 0.03), ((0.04, 0.06), 0.04), ((0.04,), 0.04)])
+def test_fewer_rays_tell_which_way_a_hole_runs(errors, best):
+    lid = np.zeros((0, 3))
+    found = [[(replace(known(0.0), error=error), lid)] for error in errors]
+    assert find._least_against([*found, []])[0][0].error == best
+    assert find._least_against([[]]) == []

@@ -14,7 +14,7 @@ from brepgaussian.splatting.concave.even import evened
 from brepgaussian.splatting.concave.find import find_curved, find_prisms
 from brepgaussian.splatting.concave.islands import has_room, with_islands
 from brepgaussian.splatting.concave.join import joined, square_ends, told_once
-from brepgaussian.splatting.concave.meeting import met
+from brepgaussian.splatting.concave.meeting import crossed, met
 from brepgaussian.splatting.concave.onward import onward
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
@@ -152,15 +152,27 @@ def open_curved(
 
 
 def open_onward(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[Volume, list[Prism]]:
-    """Lead holes on that end just short of others, of all that are `known`; the hull and all of them."""
-    result, scene = list(known), hull.scene(known)
-    for k, prism in enumerate(known):
-        further = met(scene, prism, [other for other in result if other is not prism])
-        if further is prism:
-            continue
-        deeper = hull.without(further, MARGIN_CELLS * hull.spacing)
-        if not _disagree(images, hull, deeper, further):
-            result[k], hull = further, deeper
+    """Lead holes on that end short of others which they meet, of all that are `known`; the hull and all of them."""
+    result, margin = list(known), MARGIN_CELLS * hull.spacing
+
+    def taken(k: int, further: Prism) -> Volume:
+        deeper = hull.without(further, margin)
+        if known[k].endless:
+            fits = not _disagree(images, hull, deeper, further)
+        else:
+            fits = _agreeable(images, hull.scene(), deeper.scene(), further, 2 * hull.spacing)
+        if not fits:
+            return hull
+        result[k] = further
+        return deeper
+
+    for k, further in crossed(hull.scene(known), known).items():
+        hull = taken(k, further)
+    scene = hull.scene(result)
+    for k in range(len(known)):
+        further = met(scene, result[k], [other for other in result if other is not result[k]])
+        if further is not result[k]:
+            hull = taken(k, further)
             scene = hull.scene(result)
     return hull, result
 

@@ -107,7 +107,8 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
         normal /= np.linalg.norm(normal)
         axes = _frame(normal, along)
         local = (vertices - center) @ axes
-        beside = (_away(local, wide) < 1) & (_away(local, radii) > 1) & (normals @ normal > _FACING)
+        # not what silhouettes have dug below the spot either
+        beside = (_away(local, wide) < 1) & (_away(local[:, :2], radii) > 1) & (normals @ normal > _FACING)
         local = local[beside]
         height = _Polynomial.through(local, reach, cell)
         if height is None:
@@ -160,8 +161,8 @@ def _extent(offsets: Array, cell: float) -> tuple[Array, Array | None]:
 
 
 def _away(local: Array, radii: Array) -> Array:
-    """(N,) distances of points (N, 3) in a spot's frame from its middle, over its half lengths (2,)."""
-    return np.asarray(np.linalg.norm(local / np.append(radii, radii.max()), axis=1))
+    """(N,) distances of points (N, 2 or 3) in a spot's frame from its middle, over its half lengths (2,)."""
+    return np.asarray(np.linalg.norm(local / np.append(radii, radii.max())[: local.shape[1]], axis=1))
 
 
 def _frame(normal: Array, along: Array | None) -> Array:

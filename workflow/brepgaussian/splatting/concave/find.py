@@ -45,6 +45,7 @@ _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 5.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
 _LEANING_ERROR = 0.6  # of the rays that contradict a hole square to its face contradict one that leans, at most
 _NEARLY = np.radians(6.0)  # from square, or from along: meant to be that
+_STRAIGHT, _TAPERED = np.radians((1.0, 15.0))  # between a face's normal and a plane: hubs taper by less
 _MAXIMUM_ERROR = 0.3  # share of rays that contradict the concavity
 
 Array = NDArray[np.float64]
@@ -98,7 +99,8 @@ def find_curved(
     footprint = images.views.cameras.footprint()
     pitch, width = PITCH_PIXELS * footprint, _LEAST_WIDTH_PIXELS * footprint
     free = np.ones(len(scene.vertices), bool)
-    for region in planar_regions(scene.vertices, scene.triangles, 2 * cell):
+    # what is left of a lid may be flat by chance
+    for region in _flats(scene, cell, planes):
         free[scene.triangles[region.triangles].ravel()] = False
     for prism in known:
         free &= np.abs(prism.signed_distance(scene.vertices, 2 * cell)) > 2 * cell
@@ -123,7 +125,8 @@ def find_curved(
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
             ways = [_snapped(way, planes) for way in leaning_ways(places, spot.lattice.normal)]
-            below = _told_best(under(places), [under(places, way) for way in ways])
+            square = [under(places, way) for way in (None, *_across(spot.lattice.normal, planes))]
+            below = _told_best(_least_against(square), [under(places, way) for way in ways])
             if _is_over(places, _prisms(found), cell):  # a hole that leans may come out there, too
                 ends += _prisms(below)
             found += below
@@ -132,6 +135,34 @@ def find_curved(
         if far is not None and not _is_open(far, scene, [*known, *_prisms(found)], cell, pitch):
             found += under(far)
     return [prism for prism in in_line(found, under) if not any(prism is end for end in ends)]
+
+
+def _flats(scene: Scene, cell: float, planes: Sequence[Plane]) -> list[PlanarRegion]:
+    """Where a hull lies on planes: those of faces that views have confirmed, where any are known."""
+    tolerance = 2 * cell
+    if not planes:
+        return planar_regions(scene.vertices, scene.triangles, tolerance)
+    found = [region_on(plane, scene.vertices, scene.triangles, tolerance) for plane in planes]
+    return [region for region in found if region is not None]
+
+
+def _across(normal: Array, planes: Sequence[Plane]) -> list[Array]:
+    """Directions (3,) along planes that a face's normal nearly is along: a hub tapers, the hole in it does not lean."""
+    ways: list[Array] = []
+    for plane in planes:
+        leaning = float(plane.normal @ normal)
+        if not np.sin(_STRAIGHT) < abs(leaning) < np.sin(_TAPERED):
+            continue
+        way = normal - leaning * plane.normal
+        way /= np.linalg.norm(way)
+        if all(way @ other < PARALLEL for other in ways):
+            ways.append(way)
+    return ways
+
+
+def _least_against(found: list[list[tuple[Prism, Array]]]) -> list[tuple[Prism, Array]]:
+    """What the fewest rays contradict; where they are as few, the last."""
+    return min(reversed([some for some in found if some]), key=lambda some: some[0][0].error, default=[])
 
 
 def _told_best(
