@@ -156,10 +156,15 @@ PARTS: dict[str, PartInfo] = {
     "battery_case": PartInfo("trays", "a low wall across a pocket, two notches in its rim", TUNED),
     "relay_tray": PartInfo("trays", "two low walls across a pocket, a notch in each of two walls", HOLDOUT),
     "drain_cup": PartInfo("trays", "a thin round wall with two slots, holes through the floor, a square foot", HOLDOUT),
-    "shaft_collar": PartInfo("drilled", "two set-screw holes that meet a bore", HOLDOUT),
-    "manifold_block": PartInfo("drilled", "ports that end in a blind bore, one of them counterbored", HOLDOUT),
-    "hub_flange": PartInfo("drilled", "a set-screw hole in a conical hub over a flange", HOLDOUT),
-    "vise_stop": PartInfo("drilled", "a hole that crosses a blind bore, a slot through the foot", HOLDOUT),
+    "shaft_collar": PartInfo("drilled", "two set-screw holes that meet a bore", TUNED),
+    "manifold_block": PartInfo("drilled", "ports that end in a blind bore, one of them counterbored", TUNED),
+    "hub_flange": PartInfo("drilled", "a set-screw hole in a conical hub over a flange", TUNED),
+    "vise_stop": PartInfo("drilled", "a hole that crosses a blind bore, a slot through the foot", TUNED),
+    "valve_block": PartInfo("drilled", "a hole that joins two blind bores", HOLDOUT),
+    "union_cross": PartInfo("drilled", "bores that cross, and a port into them", HOLDOUT),
+    "set_knob": PartInfo("drilled", "a set-screw hole through a tapered hub into a blind bore", HOLDOUT),
+    "guide_rail": PartInfo("drilled", "counterbored holes through a chamfered ridge", HOLDOUT),
+    "tool_post": PartInfo("drilled", "screw holes into a slot in the side", HOLDOUT),
 }
 
 

@@ -47,3 +47,55 @@ def vise_stop(s: Sizes) -> Part:
     at = Pos(-length / 2 + deep / 2, 0, high - s(9, 0.1))
     body -= at * Rot(90, 0, 0) * Pos(0, 0, -width / 2) * Cylinder(s(4.5, 0.1), width * 0.75, align=BOTTOM)
     return body - at * Rot(0, -90, 0) * Cylinder(s(2.6, 0.1), BEYOND, align=BOTTOM)
+
+
+def valve_block(s: Sizes) -> Part:
+    """A block with two blind bores side by side, which a hole from its end joins."""
+    length, width, high, bore = s(66), s(40), s(30), s(5, 0.1)
+    body = Box(length, width, high, align=BOTTOM)
+    for x in (-1, 1):
+        at = Pos(x * length * 0.22, -width / 2, high / 2)
+        body -= at * Rot(-90, 0, 0) * Cylinder(bore, width * 0.7, align=BOTTOM)
+    end = Pos(length / 2, -width * 0.2, high / 2) * Rot(0, -90, 0)
+    return body - end * Cylinder(s(3, 0.1), length * 0.72, align=BOTTOM)
+
+
+def union_cross(s: Sizes) -> Part:
+    """A block with two bores that cross, and a port from above into them."""
+    length, width, high = s(44), s(40), s(36)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(0, 0, high / 2) * Rot(0, 90, 0) * Cylinder(s(7, 0.05), BEYOND)
+    body -= Pos(0, 0, high / 2) * Rot(90, 0, 0) * Cylinder(s(5.5, 0.05), BEYOND)
+    return body - Pos(0, 0, high / 2) * Cylinder(s(4, 0.05), BEYOND, align=BOTTOM)
+
+
+def set_knob(s: Sizes) -> Part:
+    """A chamfered knob with a tapered hub, a blind bore in it, and a set-screw hole into that."""
+    radius, thick, hub, tall, edge = s(20), s(14), s(13, 0.1), s(18), s(2)
+    body = turn((0, 0), (radius - edge, 0), (radius, edge), (radius, thick), (0, thick))
+    body += Pos(0, 0, thick) * Cone(hub, hub * 0.85, tall, align=BOTTOM)
+    body -= Pos(0, 0, thick + tall - s(22, 0.1)) * Cylinder(s(5, 0.1), BEYOND, align=BOTTOM)
+    return body - Pos(0, 0, thick + tall * 0.45) * Rot(0, 90, 0) * Cylinder(s(2), BEYOND, align=BOTTOM)
+
+
+def guide_rail(s: Sizes) -> Part:
+    """A rail with a chamfered ridge, through which three counterbored holes go."""
+    length, width, foot, ridge, high = s(90), s(26), s(10), s(15, 0.1), s(8)
+    body = Box(length, ridge, foot + high, align=BOTTOM)
+    body = chamfer(body.faces().sort_by(Axis.Z)[-1].edges().filter_by(Axis.X), s(1.5))
+    body += Box(length, width, foot, align=BOTTOM)
+    hole, wide, deep = s(2.3, 0.05), s(4.2, 0.05), s(5)
+    for x in (-1, 0, 1):
+        body -= Pos(x * length * 0.33, 0, 0) * Cylinder(hole, BEYOND)
+        body -= Pos(x * length * 0.33, 0, foot + high - deep) * Cylinder(wide, BEYOND, align=BOTTOM)
+    return body
+
+
+def tool_post(s: Sizes) -> Part:
+    """A block with a bore, a slot in its side, and three screw holes from above into the slot."""
+    side, high, deep, wide = s(50, 0.05), s(40), s(15, 0.05), s(12)
+    body = Box(side, side, high, align=BOTTOM) - Cylinder(s(8, 0.05), BEYOND)
+    body -= Pos(0, side / 2, high * 0.5) * Box(BEYOND, 2 * deep, wide)
+    for x in (-1, 0, 1):
+        body -= Pos(x * side * 0.3, side / 2 - deep / 2, high * 0.5) * Cylinder(s(3, 0.05), BEYOND, align=BOTTOM)
+    return body
