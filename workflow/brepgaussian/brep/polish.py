@@ -105,7 +105,10 @@ def _polished(
     """A solid with the figures of its acceptance test, and notes on the refinement."""
     places = np.zeros((0, 4)) if test.displaced is None else np.asarray(test.displaced.places)
     shown = shown_edges(structure, test.edges, footprint, {b.patch for b in job.blends})
-    return Polished(attempt, _figures(test) | notes, shown, places)
+    figures = _figures(test)
+    if attempt.verdict.hints and test.silhouette_px > job.settings.accept_silhouette_px:
+        figures["accepted"] = False  # few samples alone may excuse such an edge, but not where points are missing, too
+    return Polished(attempt, figures | notes, shown, places)
 
 
 def _tables(test: Any) -> dict[str, Any]:

@@ -31,7 +31,7 @@ _LEAST_TURN = np.radians(10.0)  # between the pieces
 _SQUARE = np.radians(8.0)  # a line this near to the axis, or to square to it, is a cylinder or a plane,
 _LEANING = np.radians(25.0)  # or this near in a groove, which narrows in a hull
 _FLAT = np.radians(35.0)  # a cone as near to square to its axis may be a shoulder: 25 measured; of a drill tip 31
-_BENT = np.radians(50.0)  # that normals of a narrow plane may turn by: where it meets others, hulls round its edges
+_BENT = np.radians(65.0)  # that normals of a narrow plane may turn by: hulls round its edges. Of a fillet 72
 _WITHIN = 0.1  # quantile of the normals at both ends
 _BREAKS = 160  # places along a profile at which pieces of a groove may meet
 

@@ -163,8 +163,10 @@ PARTS: dict[str, PartInfo] = {
     "valve_block": PartInfo("drilled", "a hole that joins two blind bores", HOLDOUT),
     "union_cross": PartInfo("drilled", "bores that cross, and a port into them", HOLDOUT),
     "set_knob": PartInfo("drilled", "a set-screw hole through a tapered hub into a blind bore", HOLDOUT),
-    "guide_rail": PartInfo("drilled", "counterbored holes through a chamfered ridge", HOLDOUT),
+    "guide_rail": PartInfo("drilled", "counterbored holes through a chamfered ridge", TUNED),
     "tool_post": PartInfo("drilled", "screw holes into a slot in the side", HOLDOUT),
+    "index_plate": PartInfo("drilled", "a ring of holes around a boss", HOLDOUT),
+    "clamp_pad": PartInfo("drilled", "a V below, a blind socket above", HOLDOUT),
 }
 
 

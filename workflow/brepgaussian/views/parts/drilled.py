@@ -99,3 +99,22 @@ def tool_post(s: Sizes) -> Part:
     for x in (-1, 0, 1):
         body -= Pos(x * side * 0.3, side / 2 - deep / 2, high * 0.5) * Cylinder(s(3, 0.05), BEYOND, align=BOTTOM)
     return body
+
+
+def index_plate(s: Sizes) -> Part:
+    """A disc with a boss, a bore, and six holes around it."""
+    radius, thick, boss, tall = s(34), s(10), s(14, 0.1), s(8)
+    body = Cylinder(radius, thick, align=BOTTOM) + Cylinder(boss, thick + tall, align=BOTTOM) - Cylinder(s(7), BEYOND)
+    hole = s(3, 0.1)
+    for k in range(6):
+        body -= Rot(0, 0, 60 * k) * Pos(radius * 0.72, 0, 0) * Cylinder(hole, BEYOND)
+    return body
+
+
+def clamp_pad(s: Sizes) -> Part:
+    """A block, chamfered above, with a V below and a blind socket in its top."""
+    length, width, high, vee = s(44), s(36), s(26), s(14, 0.1)
+    body = Box(length, width, high, align=BOTTOM)
+    body = chamfer(body.faces().sort_by(Axis.Z)[-1].edges().filter_by(Axis.X), s(3))
+    body -= Rot(45, 0, 0) * Box(BEYOND, vee, vee)
+    return body - Pos(0, 0, high - s(9)) * Cylinder(s(7, 0.1), BEYOND, align=BOTTOM)

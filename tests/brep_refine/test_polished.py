@@ -1,0 +1,24 @@
+"""What an acceptance test's figures make of a solid."""
+
+from types import SimpleNamespace
+
+import pytest
+from brepgaussian.brep import polish
+from brepgaussian.brep.verdict import Verdict
+from brepgaussian.settings.brep import BrepSettings
+
+
+@pytest.mark.parametrize(
+    ("px", "hints", "accepted"),
+    [(0.02, ("2.2% of the area has no points",), True), (0.12, (), True), (0.12, ("2.2% of the area",), False)],
+)
+def test_an_edge_that_few_samples_excuse_refuses_a_solid_that_points_do_not_cover(monkeypatch, px, hints, accepted):
+    monkeypatch.setattr(polish, "shown_edges", lambda *_: ())
+    test = SimpleNamespace(
+        silhouette_px=px, mask_iou=0.9998, mask_pixels=40000, astray=0.0, disputed=9.0, displaced=None, stepped=0.0,
+        accepted=True, edges=[],
+    )  # fmt: skip
+    attempt = SimpleNamespace(verdict=Verdict((), hints=hints))
+    job = SimpleNamespace(settings=BrepSettings(), blends=())
+    found = polish._polished(attempt, {}, None, test, job, 0.001)
+    assert found.report["accepted"] is accepted
