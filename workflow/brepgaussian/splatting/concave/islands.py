@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import Rays, mean_cost, rays_at_object
 from brepgaussian.splatting.concave.bosses import LEVEL_CELLS, box, sectioned
-from brepgaussian.splatting.concave.openings import Images, across
+from brepgaussian.splatting.concave.openings import OPENING_CELLS, Images, across
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.tops import LEAST_HEIGHT_CELLS, Top, tops
@@ -205,7 +205,7 @@ def _may_go_on(
 def _spanned(prism: Prism, one: Prism, other: Prism) -> tuple[Cells, bool] | None:
     """(R, C) the rectangle along a pocket's walls that two bosses of one height and width span, one behind the other.
 
-    With it, whether there is a gap between them.
+    With it, whether there is a gap between them that is wide enough to be told from blur.
     """
     if abs(one.depth - other.depth) > LEVEL_CELLS * prism.lattice.pitch:
         return None
@@ -217,7 +217,8 @@ def _spanned(prism: Prism, one: Prism, other: Prism) -> tuple[Cells, bool] | Non
     ends = np.array([np.minimum(mine[0], its[0]), np.maximum(mine[1], its[1])])
     at = np.moveaxis(np.indices(prism.outline.shape), 0, -1) @ axes.T  # (R, C, 2)
     along = 1 - across[0]
-    apart = max(mine[0, along], its[0, along]) > min(mine[1, along], its[1, along])
+    gap = max(mine[0, along], its[0, along]) - min(mine[1, along], its[1, along])
+    apart = gap > 2 * OPENING_CELLS
     return np.asarray(((at > ends[0]) & (at < ends[1])).all(axis=-1) & prism.outline), bool(apart)
 
 
