@@ -115,32 +115,28 @@ def _explanations(job: Job, sigma: float) -> Iterator[Job]:
     they touch.
     """
     yield from rolled(job, sigma)
-    flat = flattened(job.patches)
-    if flat:
-        yield applied(job, flat)
-    short = unbent(job.patches)
-    if short:
-        yield applied(job, short)
+    yield from _with_changes(job, flattened(job.patches))
+    yield from _with_changes(job, unbent(job.patches))
     yield from _changed(job, coplanar(job.patches))
     yield from _changed(job, even_tubes(job.patches, sigma))
     yield from bared(job)
     walls = tangent_walls(job.patches, sigma)
     yield from _changed(job, rounded(walls, sigma) or walls)
     for square in (True, False):
-        planes = angular(job.patches, square)
-        if planes:
-            yield applied(job, planes)
+        yield from _with_changes(job, angular(job.patches, square))
     yield from symmetric(job)
-    profiles = straightened(job.patches)
-    if profiles:
-        apart = applied(job, profiles)
+    for apart in _with_changes(job, straightened(job.patches)):
         yield from bared(apart)
         yield apart
         yield from symmetric(apart)
-    grooves = grooved(job.patches)
-    if grooves:
-        yield applied(job, grooves)
+    yield from _with_changes(job, grooved(job.patches))
     yield from (replace(clear, clear=True) for clear in _changed(job, cleared(job.patches, sigma)))
+
+
+def _with_changes(job: Job, changes: Sequence[Change]) -> Iterator[Job]:
+    """The job after changes, if there are any."""
+    if changes:
+        yield applied(job, changes)
 
 
 def _changed(job: Job, patches: Sequence[Patch]) -> Iterator[Job]:

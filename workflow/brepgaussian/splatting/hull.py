@@ -140,7 +140,7 @@ def carve(
             volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
-            planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
+            planes = _planes(faces)
             volume, notches = open_notches(images, volume, planes)
             uncut, volume = volume, open_corners(images, volume, planes)
             cornered = volume
@@ -156,11 +156,16 @@ def carve(
             if volume is not before:
                 volume, faces = flatten_faces(images, patches, volume, _sample, faces, True, before.scene())
                 if concavities:  # what curved faces hold shows where these are right, as below a flange
-                    planes = [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
+                    planes = _planes(faces)
                     volume, prisms = open_onward(images, *open_curved(images, volume, prisms, planes))
     vertices, triangles = volume.mesh()
     normals = vertex_normals(vertices, triangles)
     return Hull(vertices, triangles, normals, volume.spacing, tuple(prisms), tuple(fillets), tuple(bends)), faces
+
+
+def _planes(faces: list[Face]) -> list[Plane]:
+    """On which faces lie."""
+    return [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
 
 
 def _sample(

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from brepgaussian.splatting.hull import Hull
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _PACKING = 0.47  # share of the surface under disks of half the distance that dart throwing reaches (measured)
 _OVERSAMPLING = 12  # candidates per kept point when spreading points evenly

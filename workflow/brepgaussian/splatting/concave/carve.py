@@ -166,9 +166,10 @@ def open_onward(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[V
         result[k] = further
         return deeper
 
-    for k, further in crossed(hull.scene(known), known).items():
+    scene, before = hull.scene(known), hull
+    for k, further in crossed(scene, known).items():
         hull = taken(k, further)
-    scene = hull.scene(result)
+    scene = scene if hull is before else hull.scene(result)
     for k in range(len(known)):
         further = met(scene, result[k], [other for other in result if other is not result[k]])
         if further is not result[k]:
@@ -298,14 +299,14 @@ def _disagree(images: Images, hull: Volume, opened: Volume, prism: Prism) -> boo
 
 
 def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:
-    """Whether views agree better where an opening in a curved face has changed the hull, as far as they tell.
+    """Whether views agree better where an opening has changed the hull, as far as they tell.
 
     In a bore, what shows through its far mouth passes for a hole in its wall.
     """
     old, new, count = said = disagreements(images, before, after, reach)
     agreeable = better(said, _GAIN, _LEAST_RAYS, untold=True)
     logger.info(
-        "opening in a curved face, area %.4f: views disagree by %.2f for %.2f of the hull, %d rays%s",
+        "opening of area %.4f, as far as told: views disagree by %.2f for %.2f of the hull, %d rays%s",
         prism.area, new, old, count, "" if agreeable else ": not believed",
     )  # fmt: skip
     return agreeable

@@ -153,8 +153,7 @@ def _across(normal: Array, planes: Sequence[Plane]) -> list[Array]:
         leaning = float(plane.normal @ normal)
         if not np.sin(_STRAIGHT) < abs(leaning) < np.sin(_TAPERED):
             continue
-        way = normal - leaning * plane.normal
-        way /= np.linalg.norm(way)
+        way = _along(normal, plane)
         if all(way @ other < PARALLEL for other in ways):
             ways.append(way)
     return ways
@@ -185,9 +184,14 @@ def _snapped(way: Array, planes: Sequence[Plane]) -> Array:
             return np.asarray(np.copysign(1.0, plane.normal @ way) * plane.normal)
     for plane in planes:
         if abs(plane.normal @ way) < np.sin(_NEARLY):
-            way = way - (way @ plane.normal) * plane.normal
-            way = way / np.linalg.norm(way)
+            way = _along(way, plane)
     return way
+
+
+def _along(way: Array, plane: Plane) -> Array:
+    """The unit direction (3,) along a plane that another one is nearest to."""
+    along = way - (way @ plane.normal) * plane.normal
+    return np.asarray(along / np.linalg.norm(along))
 
 
 def _prisms(found: Sequence[tuple[Prism, Array]]) -> list[Prism]:

@@ -23,9 +23,7 @@ Array = NDArray[np.float64]
 _AT_FLOOR_CELLS = 2.0  # between a hull's floor and the depth that it was cut to
 _WITHIN_CELLS = 1.0  # of the other hole's wall: where a line leaves the solid it is in that one
 _THINNEST_WALL = 1.0  # widths of a hole: what is left between it and another one is thicker
-_CROSSING = (
-    0.25  # radii of the narrower hole between two axes that cross: its middle is told to .02, its lean to 1 degree
-)
+_CROSSING = 0.25  # radii of the narrower hole between axes that cross: it may seem to lean by a degree
 _WIDER = 1.1  # times the radius: holes of one drill that point at each other's axes may as well stop before
 _ASKEW = np.cos(np.radians(30.0))  # between axes that cross
 _PAST = 1.5  # radii of the narrower hole that the wider one goes on beyond its axis
@@ -50,10 +48,10 @@ def met(scene: Scene, prism: Prism, others: Sequence[Prism]) -> Prism:
         return prism
     pitch = prism.lattice.pitch
     width = 2 * np.sqrt(prism.area / np.pi) / pitch
-    reached = _reached(scene, prism, core_of(prism), others, width)
-    if not len(reached) or np.isfinite(reached).mean() < _MOSTLY:
+    ends = _reached(scene, prism, others, width)
+    core = np.isfinite(ends)[core_of(prism)[prism.outline]]
+    if not len(core) or core.mean() < _MOSTLY:
         return prism
-    ends = _reached(scene, prism, prism.outline, others, width)
     depth = float(ends[np.isfinite(ends)].max()) * pitch
     logger.info("hole of area %.4f: %.4f deep to where it meets another, not %.4f", prism.area, depth, prism.depth)
     return replace(prism, depth=max(depth, prism.depth), through=True, endless=False)
@@ -110,12 +108,12 @@ def _closest(one: Array, along: Array, other: Array, across: Array) -> tuple[Arr
     return far, float(np.linalg.norm(one + far[0] * along - other - far[1] * across))
 
 
-def _reached(scene: Scene, prism: Prism, cells: NDArray[np.bool_], others: Sequence[Prism], most: float) -> Array:
-    """(N,) depth, in cells, at which lines down from cells (R, C) come into another hole, infinite where they don't.
+def _reached(scene: Scene, prism: Prism, others: Sequence[Prism], most: float) -> Array:
+    """(N,) depth, in cells, at which lines down from its opening come into another hole, infinite where they don't.
 
     At `most` so many cells of solid lie between that and the hole's end.
     """
-    starts, pitch = prism.lattice.centers()[cells], prism.lattice.pitch
+    starts, pitch = prism.lattice.centers()[prism.outline], prism.lattice.pitch
     crossings, _ = crossings_below(scene, starts, prism.lattice)
     floor = prism.depth / pitch
     beyond = np.sort(np.where(crossings > floor - _AT_FLOOR_CELLS, crossings, np.inf), axis=1)
