@@ -1,5 +1,7 @@
 """Recesses that open at a face and at its edge, down to where views agree; and columns that end in a slope."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, recess, sweep
@@ -92,6 +94,9 @@ def test_a_slot_that_is_open_at_two_sides_is_carved_to_its_inner_corner(tmp_path
         beyond = corner + scale * np.array([[length + 1, 14, 5], [5, 14, depth + 1], [5, 7.5, 5]])
         assert (opened.scene().signed_distance(inner) > 0).all()
         assert every_pixel_is_asked(images, inner)
+        leads_on, blind = replace(found[0], through=True), found[0]  # a hole into another one has no floor there
+        assert not open_recesses(images, hull, [(lattice, outline)], [leads_on])[1]
+        assert len(open_recesses(images, hull, [(lattice, outline)], [blind])[1]) == 1
         assert (opened.scene().signed_distance(beyond) < 0).all()
 
 

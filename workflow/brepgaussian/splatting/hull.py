@@ -145,7 +145,8 @@ def carve(
             uncut, volume = volume, open_corners(images, volume, planes)
             cornered = volume
             volume, more, bends = open_concavities(images, volume, planes, flat)
-            volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces])
+            volume, more = open_onward(images, volume, more)  # an end that it has not passes for a recess
+            volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces], more)
             # last: what rays tell goes before what is likely
             volume, wider = widen(images, volume, planes, more)
             prisms += notches + more + recesses + wider

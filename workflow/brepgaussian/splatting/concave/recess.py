@@ -30,25 +30,30 @@ _LEAST_CELLS = 30  # of a section, in voxels
 _DEPTHS = 8  # that are tried, evenly, before those around the best
 _MOST_TRIED = 4  # sections of all faces, those with most in them first
 _COVERED = 0.1  # of a section is cut away of faces that views have confirmed: they stand in it
+_IN_HOLE = 0.5  # of a section, then it is that hole's; voxels are coarse
 _GAIN, _SURE_GAIN = 0.6, 0.75  # of the disagreement is left at most, and if rays surely tell of the recess
 _LEAST_RAYS = 100
 
 logger = log.get_logger("stage1")
 
 
-def open_recesses(images: Images, hull: Volume, faces: Sequence[Outlined]) -> tuple[Volume, list[Prism]]:
+def open_recesses(
+    images: Images, hull: Volume, faces: Sequence[Outlined], known: Sequence[Prism] = ()
+) -> tuple[Volume, list[Prism]]:
     """Carve what is left in the recesses of confirmed faces.
 
     Args:
         images: of all views.
         hull: opened elsewhere.
         faces: that views have confirmed: outlines (R, C) on lattices.
+        known: what is open already; holes that end in others have no floor that could lie deeper.
 
     Returns:
         The opened hull and the recesses.
     """
     done: list[Prism] = []
-    sections = [s for face in _planes(faces, hull.spacing) for s in _sections(hull, face, faces)]
+    planes, through = _planes(faces, hull.spacing), [prism for prism in known if prism.through]
+    sections = [s for face in planes for s in _sections(hull, face, faces) if not _in_hole(s[0], through)]
     if not sections:
         return hull, done
     scene = hull.scene()
@@ -95,6 +100,13 @@ def _sections(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterat
         volume = (below[columns.heights[: len(below)] > top - depth] > 0)[:, section].sum()
         if volume >= LEAST_VOLUME_VOXELS:
             yield replace(prism, depth=depth), float(volume)
+
+
+def _in_hole(section: Prism, through: Sequence[Prism]) -> bool:
+    """Whether a section is the mouth of one of the holes that go through, or into another one."""
+    cells = section.lattice.centers()[section.outline]
+    alike = [p for p in through if p.lattice.normal @ section.lattice.normal > PARALLEL]
+    return any(over(p.lattice, p.outline, cells)[0].mean() > _IN_HOLE for p in alike)
 
 
 def _free_depth(prism: Prism, faces: Sequence[Outlined], spacing: float) -> float:

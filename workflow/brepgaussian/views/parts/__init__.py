@@ -160,13 +160,16 @@ PARTS: dict[str, PartInfo] = {
     "manifold_block": PartInfo("drilled", "ports that end in a blind bore, one of them counterbored", TUNED),
     "hub_flange": PartInfo("drilled", "a set-screw hole in a conical hub over a flange", TUNED),
     "vise_stop": PartInfo("drilled", "a hole that crosses a blind bore, a slot through the foot", TUNED),
-    "valve_block": PartInfo("drilled", "a hole that joins two blind bores", HOLDOUT),
-    "union_cross": PartInfo("drilled", "bores that cross, and a port into them", HOLDOUT),
+    "valve_block": PartInfo("drilled", "a hole that joins two blind bores", TUNED),
+    "union_cross": PartInfo("drilled", "bores that cross, and a port into them", TUNED),
     "set_knob": PartInfo("drilled", "a set-screw hole through a tapered hub into a blind bore", HOLDOUT),
     "guide_rail": PartInfo("drilled", "counterbored holes through a chamfered ridge", TUNED),
     "tool_post": PartInfo("drilled", "screw holes into a slot in the side", HOLDOUT),
     "index_plate": PartInfo("drilled", "a ring of holes around a boss", HOLDOUT),
     "clamp_pad": PartInfo("drilled", "a V below, a blind socket above", HOLDOUT),
+    "tube_clamp": PartInfo("drilled", "a bore that a slit opens, a counterbored screw hole across it", HOLDOUT),
+    "wheel_hub": PartInfo("drilled", "a stepped hub, a notch across its bore, a counterbore from below", HOLDOUT),
+    "rod_end": PartInfo("drilled", "an eye between flats on a round shank, a blind bore in that", HOLDOUT),
 }
 
 

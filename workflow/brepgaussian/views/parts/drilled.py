@@ -118,3 +118,33 @@ def clamp_pad(s: Sizes) -> Part:
     body = chamfer(body.faces().sort_by(Axis.Z)[-1].edges().filter_by(Axis.X), s(3))
     body -= Rot(45, 0, 0) * Box(BEYOND, vee, vee)
     return body - Pos(0, 0, high - s(9)) * Cylinder(s(7, 0.1), BEYOND, align=BOTTOM)
+
+
+def tube_clamp(s: Sizes) -> Part:
+    """A block with a bore that a slit opens to the side, and a counterbored screw hole across the slit."""
+    length, width, high, bore = s(60, 0.1), s(26), s(40, 0.1), s(11, 0.1)
+    body = Box(length, width, high, align=BOTTOM)
+    body -= Pos(-length * 0.17, 0, high / 2) * Rot(90, 0, 0) * Cylinder(bore, BEYOND)
+    body -= Pos(BEYOND / 2 - length * 0.17, 0, high / 2) * Box(BEYOND, BEYOND, s(3, 0.1))
+    body -= Pos(length * 0.32, 0, 0) * Cylinder(s(3.2, 0.1), BEYOND)
+    return body - Pos(length * 0.32, 0, high - s(6)) * Cylinder(s(5.6, 0.1), BEYOND, align=BOTTOM)
+
+
+def wheel_hub(s: Sizes) -> Part:
+    """A stepped hub with a flange, a counterbore from below, five holes, and a notch across its top."""
+    flange, thick, neck, tall, bore = s(34, 0.1), s(8), s(17, 0.1), s(24), s(8, 0.1)
+    body = Cylinder(flange, thick, align=BOTTOM) + Cylinder(neck, thick + tall, align=BOTTOM)
+    body -= Cylinder(bore, BEYOND)
+    body -= Cylinder(s(12, 0.1), s(7), align=BOTTOM)
+    for k in range(5):
+        body -= Rot(0, 0, 72 * k) * Pos(flange * 0.76, 0, 0) * Cylinder(s(3.2, 0.0), BEYOND)
+    return body - Pos(0, 0, thick + tall - s(6)) * Box(BEYOND, s(7), BEYOND, align=BOTTOM)
+
+
+def rod_end(s: Sizes) -> Part:
+    """An eye between two flats, on a shank with a blind bore and a chamfered end."""
+    eye, wide, pin, shank, long, edge = s(18, 0.1), s(16, 0.1), s(9, 0.1), s(9, 0.1), s(46), s(1.5)
+    body = Rot(0, 90, 0) * Cylinder(eye, wide)
+    body += turn((0, -long), (shank - edge, -long), (shank, edge - long), (shank, 0), (0, 0))
+    body -= Rot(0, 90, 0) * Cylinder(pin, BEYOND)
+    return body - Pos(0, 0, -long) * Cylinder(shank * 0.5, s(14, 0.1), align=BOTTOM)
