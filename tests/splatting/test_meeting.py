@@ -92,6 +92,13 @@ def test_holes_stay_that_do_not_cross_or_end_before(change):
     assert crossed(hull.scene([bore, hole]), [bore, hole]) == {}
 
 
+def test_a_hole_ends_in_the_gap_before_the_other_one():
+    hull, hole, bore = _deep_block(0.15)
+    x = np.linspace(0, 1, 101)[:, None, None]
+    hull = hull.with_field(np.minimum(hull.field, np.abs(x - 0.675) - 0.025).astype(np.float32))
+    assert crossed(hull.scene([bore, hole]), [bore, hole]) == {}
+
+
 def test_a_hole_that_ends_on_an_axis_tells_that_the_bore_comes_that_far():
     hull, hole, bore = _deep_block(0.15)
     ends_there = replace(hole, depth=SIDE - 0.5 - BORE / 2, endless=False)

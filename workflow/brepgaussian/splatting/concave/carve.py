@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements, one_surface
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
 from brepgaussian.splatting.concave.counterbored import counterbored
 from brepgaussian.splatting.concave.drilled import MOST_AGAINST, is_narrow
@@ -24,7 +24,7 @@ from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.shoulders import with_shoulders
 from brepgaussian.splatting.concave.sounded import sounded
-from brepgaussian.splatting.concave.sweep import Outlined, straighten
+from brepgaussian.splatting.concave.sweep import MOST_CLOSED, Outlined, straighten
 from brepgaussian.splatting.concave.tops import Top
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
@@ -127,11 +127,7 @@ def open_concavities(
         scene = hull.scene(known) if longer else scene
         if not (floors or below):
             break
-    for k, prism in enumerate(known):
-        further = onward(images, scene, 2 * hull.spacing, prism, known)
-        if further is not prism:
-            known[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
-            scene = hull.scene(known)
+    hull, known = _behind_gaps(images, hull, known)
     hull, known = open_curved(images, hull, known, planes)
     return hull, known, bends
 
@@ -147,8 +143,19 @@ def open_curved(
     found = find_curved(images, scene, hull.spacing, known, planes)
     hull, opened = _with_agreeable(images, hull, scene, known, found)
     scene = hull.scene(opened)
-    hull, opened = _with_agreeable(images, hull, scene, opened, counterbored(images, scene, hull.spacing, opened))
-    return hull, opened
+    hull, more = _with_agreeable(images, hull, scene, opened, counterbored(images, scene, hull.spacing, opened))
+    return (hull, more) if len(more) == len(known) else _behind_gaps(images, hull, more)
+
+
+def _behind_gaps(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[Volume, list[Prism]]:
+    """Holes carried on behind gaps that they come out in, and all that are known."""
+    result, scene = list(known), hull.scene(known)
+    for k, prism in enumerate(known):
+        further = onward(images, scene, 2 * hull.spacing, prism, result)
+        if further is not prism:
+            result[k], hull = further, hull.without(further, MARGIN_CELLS * hull.spacing)
+            scene = hull.scene(result)
+    return hull, result
 
 
 def open_onward(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[Volume, list[Prism]]:
@@ -158,7 +165,7 @@ def open_onward(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[V
     def taken(k: int, further: Prism) -> Volume:
         deeper = hull.without(further, margin)
         if known[k].endless:
-            fits = not _disagree(images, hull, deeper, further)
+            fits = not (_disagree(images, hull, deeper, further) or _walled(images, hull, deeper, further))
         else:
             fits = _agreeable(images, hull.scene(), deeper.scene(), further, 2 * hull.spacing)
         if not fits:
@@ -188,7 +195,7 @@ def _with_agreeable(
             prism = drawn(images, scene, hull, prism, margin)
         opened = hull.without(prism, margin)
         after = opened.scene()
-        if _agreeable(images, scene, after, prism, 2 * hull.spacing):
+        if not _contradicted(prism) and _agreeable(images, scene, after, prism, 2 * hull.spacing):
             hull, scene = opened, after
             result.append(prism)
     return hull, result
@@ -296,6 +303,16 @@ def _disagree(images: Images, hull: Volume, opened: Volume, prism: Prism) -> boo
             prism.area, new, old, count,
         )  # fmt: skip
     return worse
+
+
+def _walled(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
+    """Whether views see that what a hole would come out in is closed there: a slot's floor may be seen by all."""
+    closed = one_surface(images, hull.scene(), opened.scene(), _CHANGED_VOXELS * hull.spacing)
+    if closed > MOST_CLOSED:
+        logger.info(
+            "opening of area %.4f: %.0f %% of rays agree about what is there: not believed", prism.area, 100 * closed
+        )
+    return closed > MOST_CLOSED
 
 
 def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:

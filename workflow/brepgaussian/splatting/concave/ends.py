@@ -22,7 +22,7 @@ _RING_CELLS = (3, 6)  # beside an outline, of face around a far mouth
 _FLAT_CELLS = 2.0  # by which the far face may lie askew
 _LEAN_CELLS, _FITS = 12.0, 4  # from a leaning plane while it is sought, and how often
 _MOSTLY = 0.5  # of the cells around: the far face may be the top of a boss, of which the hole is not in the middle
-_PIERCED = 0.1  # of a hole's own cells, that silhouettes leave empty all the way
+PIERCED = 0.1  # of a hole's own cells, that silhouettes leave empty all the way
 _REFUTED = 0.25  # share of the views that show something else than a lid on the far mouth: twice what opens a lid
 _AROUND = 0.5  # of that share, at most, beside the mouth: there is a face
 _CLEAN = 0.1  # the same where half as many views do
@@ -129,7 +129,7 @@ def _behind(
     if (np.abs(beside - design @ plane) <= _FLAT_CELLS).mean() < _MOSTLY:
         return None, False
     slope = (float(plane[1]) * pitch, float(plane[2]) * pitch)
-    return Far(float(plane[0]) * pitch, slope), bool((within == 0).mean() >= _PIERCED)
+    return Far(float(plane[0]) * pitch, slope), bool((within == 0).mean() >= PIERCED)
 
 
 def _left(scene: Scene, prism: Prism, cells: NDArray[np.bool_], nearest: bool) -> Array:

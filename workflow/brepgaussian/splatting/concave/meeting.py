@@ -90,6 +90,8 @@ def _to_crossing(scene: Scene, hole: Prism, wide: Prism) -> tuple[Prism, Prism] 
         return None
     if not hole.endless and abs(hole.depth - deep) > broad:
         return None  # its floor is told, and lies elsewhere
+    if not _is_solid(scene, hole, deep - broad):
+        return None  # a fork's bore ends in its gap, or before
     needed = along + _PAST * narrow
     if wide.depth < needed:
         if not wide.endless or wide.through or needed > _MUCH_DEEPER * wide.depth:
@@ -99,6 +101,14 @@ def _to_crossing(scene: Scene, hole: Prism, wide: Prism) -> tuple[Prism, Prism] 
     if not wide.through and not scene.inside(np.array([end + narrow * across]))[0]:
         return None  # it would come out
     return replace(hole, depth=max(deep, hole.depth), through=True, endless=False), wide
+
+
+def _is_solid(scene: Scene, hole: Prism, depth: float) -> bool:
+    """Whether nothing but solid lies between the end of a hole and a greater depth, along its axis."""
+    pitch = hole.lattice.pitch
+    depths = np.arange(hole.depth + _AT_FLOOR_CELLS * pitch, depth - _AT_FLOOR_CELLS * pitch, pitch)
+    places = hole.middle - depths[:, None] * hole.lattice.normal
+    return bool(scene.inside(places).all()) if len(places) else True
 
 
 def _closest(one: Array, along: Array, other: Array, across: Array) -> tuple[Array, float]:

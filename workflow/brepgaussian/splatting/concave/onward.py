@@ -1,7 +1,8 @@
 """Holes that go on behind a gap: the other half of a split clamp, up to the floor of a counterbore there.
 
 Found from one end, such a hole ends at the gap. On the floor that faces it, far down a narrow pocket, few views show
-its other mouth, and none shows background in it; where it has to be is known.
+its other mouth, and none shows background in it; where it has to be is known. Or a view sees through all of it: then
+silhouettes have left a part of it, narrower than it is.
 """
 
 from collections.abc import Sequence
@@ -11,10 +12,11 @@ import numpy as np
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.ends import Far, core_of, is_straight, refuted_there, ring_of
+from brepgaussian.splatting.concave.ends import PIERCED, Far, core_of, is_straight, refuted_there, ring_of
 from brepgaussian.splatting.concave.join import distance_between, face_each_other, throat
 from brepgaussian.splatting.concave.openings import Images, across
 from brepgaussian.splatting.concave.prism import Prism
+from brepgaussian.splatting.concave.rays import crossings_below
 from brepgaussian.splatting.concave.scene import Scene
 
 _NARROWER = 0.8  # of the pocket's radius, at most, the hole has
@@ -50,15 +52,25 @@ def onward(images: Images, scene: Scene, tolerance: float, prism: Prism, known: 
             continue
         mouth, around, refuted = refuted_there(images, scene, prism, core_of(prism), ring_of(prism), Far(depth))
         rim = _rimmed_share(images, scene, prism, depth)
-        on = refuted and rim >= _RIMMED
+        pierced = _is_pierced(scene, prism, depth)
+        on = pierced or (refuted and rim >= _RIMMED)
         logger.info(
             "hole of area %.4f on to a pocket's floor %.4f away: %.0f %% of the views refute that, %.0f %% beside it, "
-            "%.0f %% show its rim%s",
-            prism.area, depth, 100 * mouth, 100 * around, 100 * rim, "" if on else ": not believed",
+            "%.0f %% show its rim%s%s",
+            prism.area, depth, 100 * mouth, 100 * around, 100 * rim, ", silhouettes have pierced it" if pierced else "",
+            "" if on else ": not believed",
         )  # fmt: skip
         if on:
             return replace(prism, depth=depth)
     return prism
+
+
+def _is_pierced(scene: Scene, prism: Prism, depth: float) -> bool:
+    """Whether the hull is empty all along a part of a hole, from where it ends down to a depth."""
+    crossings, _ = crossings_below(scene, prism.lattice.centers()[core_of(prism)], prism.lattice)
+    ends = np.array([prism.depth, depth]) / prism.lattice.pitch
+    between = (crossings > ends[0]) & (crossings < ends[1] - _OFF_CELLS)
+    return bool(len(between) and (~between.any(axis=1)).mean() >= PIERCED)
 
 
 def _rimmed_share(images: Images, scene: Scene, prism: Prism, depth: float) -> float:
