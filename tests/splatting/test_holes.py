@@ -79,6 +79,22 @@ def test_a_lid_that_leans_within_a_pocket_is_gone_with_it(error, kept):
     assert len(told_once([pocket, below], [], 0.02)) == 2
 
 
+def test_a_lid_that_leans_within_a_hole_is_gone_with_it_however_well_it_is_told():
+    bore = hole(UP, [0.5, 0.5, 0.8], 0.6, radius=0.09, error=0.05)
+    lid = hole([0, -0.8, 0.6], [0.5, 0.5, 0.7], 0.03, radius=0.04, error=0.01, through=False)
+    assert told_once([bore, lid], [], 0.02) == [bore]
+    doubtful = replace(bore, error=0.15)
+    assert told_once([doubtful, lid], [], 0.02) == [doubtful, lid]
+
+
+@pytest.mark.parametrize(("tilt", "kept"), [(0.5, 1), (0.0, 2)])
+def test_the_far_end_of_a_leaning_hole_is_no_pocket(tilt, kept):
+    leaning = replace(hole(-UP, [0.5, 0.5, 0.2], 0.4, error=0.02), tilt=(tilt, 0.0))
+    far = np.array([0.5, 0.5, 0.6]) + 0.4 * tilt * leaning.lattice.first
+    pocket = hole(UP, far, 0.1, error=0.03, through=False)
+    assert len(told_once([pocket, leaning], [], 0.02)) == kept
+
+
 def oblique(turn, depth=0.5, **changes):
     """A hole of a tube that leans by 30 degrees, from the plane z = .2 up, its direction off by some radians."""
     lean = np.radians(30.0) + turn

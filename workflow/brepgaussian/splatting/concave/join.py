@@ -20,7 +20,7 @@ Lidded = tuple[Prism, Array]
 _OPPOSITE = 0.999  # cosine of 2.5 degrees
 _SAME_AREA = 1.5  # ratio of two outlines of one hole
 _SAME_RIM = 1.2  # the same, of a rim and a straight hole: throats are narrower by more
-_MOST_STRAIGHT_ERROR = 0.1  # of the rays contradict a hole that is straight; of true ones .02-.06 did
+_MOST_TRUE_ERROR = 0.1  # of the rays contradict a hole that goes through: true ones have .02-.06
 _LEANING = 0.9  # cosine of 26 degrees
 _SAME_WAY = 0.99  # cosine of 8 degrees: between a hole's axis and the direction that an oblique mouth tells
 _STEEPEST = 0.5  # cosine of 60 degrees: between a hole's axis and the normal of an oblique mouth
@@ -65,7 +65,7 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
 
 def _is_straight_after_all(sunk: Prism, other: Prism) -> bool:
     """Whether a countersunk mouth is none, by what its hole's other mouth tells: near rims, light looks like that."""
-    if not sunk.rim or other.rim or other.error > _MOST_STRAIGHT_ERROR:
+    if not sunk.rim or other.rim or other.error > _MOST_TRUE_ERROR:
         return False
     return bool(max(sunk.area, other.area) <= _SAME_RIM * min(sunk.area, other.area))
 
@@ -171,7 +171,8 @@ def _has_no_floor(prism: Prism) -> bool:
 def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) -> list[Prism]:
     """Those found that others, which are known or no worse told, don't explain.
 
-    A crooked hull shows the far end of a hole through askew, and spans the walls of a pocket with a lid that leans.
+    A crooked hull shows the far end of a hole through askew, and spans the walls of a pocket with a lid that leans. A
+    lid in a hole that goes through is none, however few rays contradict the little that lies below it.
 
     Args:
         found, known: concavities of one hull.
@@ -182,7 +183,9 @@ def told_once(found: Sequence[Prism], known: Sequence[Prism], tolerance: float) 
         others = [*known, *(found[other] for other in kept)]
         if not any(_is_mouth_of(found[k], o, tolerance) or _is_within(found[k], o, tolerance / 2) for o in others):
             kept.append(k)
-    return [found[k] for k in sorted(kept)]
+    holes = [found[k] for k in kept if found[k].through and found[k].error <= _MOST_TRUE_ERROR]
+    once = [found[k] for k in sorted(kept)]
+    return [p for p in once if p.through or not any(_is_within(p, hole, tolerance / 2) for hole in holes)]
 
 
 def _is_within(lid: Prism, pocket: Prism, tolerance: float) -> bool:
@@ -197,9 +200,13 @@ def _is_within(lid: Prism, pocket: Prism, tolerance: float) -> bool:
 
 
 def _is_mouth_of(mouth: Prism, hole: Prism, tolerance: float) -> bool:
-    """Whether a hole's mouth is the far end of another hole that is known better, seen from a plane that leans."""
+    """Whether a mouth is the far end of a hole that is known better: of one that leans, or seen from a plane that does.
+
+    Into an end of a leaning hole through which no view sees, what rays tell may be anything.
+    """
     facing = -float(mouth.lattice.normal @ hole.lattice.normal)
-    if not (mouth.through and hole.through and _LEANING <= facing <= _OPPOSITE):
+    leaning = any(hole.tilt) or (mouth.through and facing <= _OPPOSITE)
+    if not (hole.through and leaning and facing >= _LEANING):
         return False
     inside = hole.signed_distance(mouth.lattice.centers()[mouth.outline], tolerance) < tolerance
     return bool(inside.mean() > _SAME_MOUTH)
