@@ -24,7 +24,7 @@ from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shorten import shortened
 from brepgaussian.splatting.concave.shoulders import with_shoulders
 from brepgaussian.splatting.concave.sounded import sounded
-from brepgaussian.splatting.concave.sweep import MOST_CLOSED, Outlined, straighten
+from brepgaussian.splatting.concave.sweep import Outlined, straighten
 from brepgaussian.splatting.concave.tops import Top
 from brepgaussian.splatting.concave.trim import flatten
 from brepgaussian.splatting.concave.turned import turn
@@ -37,6 +37,7 @@ _LEAST_RAYS = 100  # that tell, for them to judge
 _LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8)
 _CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
 _MUCH_DEEPER = 4.0  # cells: floors and tops that views take for each other are farther apart
+_WALLED = 0.45  # of rays agree about what a hole would come out in: at true ends up to .26, at a slot's floor .65
 _MOST_MET = 0.16  # of the rays contradict a deep blind opening with nothing in it: true ones have up to .07, more
 # where bosses stand in them; a strip that lay below its fillet had .18
 _DEEP_CELLS = 14  # of shallower ones, rays that hit the blur of a rim count for more: up to .17
@@ -308,11 +309,11 @@ def _disagree(images: Images, hull: Volume, opened: Volume, prism: Prism) -> boo
 def _walled(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
     """Whether views see that what a hole would come out in is closed there: a slot's floor may be seen by all."""
     closed = one_surface(images, hull.scene(), opened.scene(), _CHANGED_VOXELS * hull.spacing)
-    if closed > MOST_CLOSED:
+    if closed > _WALLED:
         logger.info(
             "opening of area %.4f: %.0f %% of rays agree about what is there: not believed", prism.area, 100 * closed
         )
-    return closed > MOST_CLOSED
+    return closed > _WALLED
 
 
 def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:

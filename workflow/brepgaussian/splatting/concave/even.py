@@ -65,7 +65,8 @@ def evened(images: Images, scene: Scene, prisms: Mapping[int, Prism]) -> dict[in
         if not _surely_shallower(looked(k), prisms[k].depth, depth):
             why = "as one like it" if any(prisms[j].depth == depth for j in alike) else "more likely"
             logger.info("opening of area %.4f: %.4f deep %s, not %.4f", prisms[k].area, depth, why, prisms[k].depth)
-            result[k] = replace(prisms[k], depth=depth, endless=prisms[k].endless and not told)
+            shown = 0.0 if told else prisms[k].least_depth
+            result[k] = replace(prisms[k], depth=depth, endless=prisms[k].endless and not told, shown=shown)
     return result
 
 

@@ -40,6 +40,7 @@ from brepgaussian.splatting.concave.standing import around_hubs, standing_free
 _LEAST_WIDTH_PIXELS = 7.0  # narrower openings are not told from blur
 _LEAST_DEPTH_CELLS = 3.0
 _OVERLAP = 0.2  # share of an opening that may belong to a better one
+_AS_MUCH = 0.8  # of what the best outline explains
 _WITHIN = 0.8  # of a recess around a hub lies in one that goes under it
 _LID_SHARE = 0.2  # of an opening in a curved face is closed by the hull
 _LEAST_CURVED_CELLS = 5.0  # deep; a hull also spans inner edges with a curved skin, which is no opening's lid
@@ -125,7 +126,8 @@ def find_curved(
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
             ways = [_snapped(way, planes) for way in leaning_ways(places, spot.lattice.normal)]
-            square = [under(places, way) for way in (None, *_across(spot.lattice.normal, planes))]
+            own = spot_around(places, scene, cell, pitch) or spot
+            square = [under(places, way) for way in (None, *_across(own.lattice.normal, planes))]
             below = _told_best(_least_against(square), [under(places, way) for way in ways])
             if _is_over(places, _prisms(found), cell):  # a hole that leans may come out there, too
                 ends += _prisms(below)
@@ -138,12 +140,12 @@ def find_curved(
 
 
 def _flats(scene: Scene, cell: float, planes: Sequence[Plane]) -> list[PlanarRegion]:
-    """Where a hull lies on planes: those of faces that views have confirmed, where any are known."""
-    tolerance = 2 * cell
-    if not planes:
-        return planar_regions(scene.vertices, scene.triangles, tolerance)
-    found = [region_on(plane, scene.vertices, scene.triangles, tolerance) for plane in planes]
-    return [region for region in found if region is not None]
+    """Flat regions of a hull, those of faces that views have confirmed, where any are known.
+
+    Not all that lies on such a face: of a small one, it may be a hole's lid.
+    """
+    found = planar_regions(scene.vertices, scene.triangles, 2 * cell)
+    return [region for region in found if not planes or any(plane.is_of(region, 2 * cell) for plane in planes)]
 
 
 def _across(normal: Array, planes: Sequence[Plane]) -> list[Array]:
@@ -266,6 +268,8 @@ def _concavities(
             fits.append((replace(fit[0], above=above), fit[1]))
     around = [prism for prism, _ in fits if prism.above]
     fits = [fit for fit in fits if fit[0].above or not any(_hangs(fit[0], hub) for hub in around)]
+    if centered:
+        fits = _hardly_contradicted(fits)
     taken = np.zeros(stack.lattice.shape, bool)
     chosen = []
     for prism, gain in sorted(fits, key=lambda fit: -fit[1]):
@@ -273,6 +277,12 @@ def _concavities(
             chosen.append((prism, gain))
             taken |= prism.outline
     return chosen
+
+
+def _hardly_contradicted(fits: list[tuple[Prism, float]]) -> list[tuple[Prism, float]]:
+    """Of outlines of one hole that explain about as much, the one that the fewest rays contradict."""
+    most = max((gain for _, gain in fits), default=0.0)
+    return sorted((fit for fit in fits if fit[1] >= _AS_MUCH * most), key=lambda fit: fit[0].error)[:1]
 
 
 def _hangs(whole: Prism, around: Prism) -> bool:

@@ -1,9 +1,10 @@
 """Holes that meet another one: a set-screw hole, a vent, a port, a channel that crosses a bore.
 
 Down a narrow hole few views see where it leads, and a bore behind its end has the grey of its own walls. So rays tell
-the least depth that explains them, and no floor. Nobody leaves a membrane between two holes; so where no ray tells a
-floor and the other hole is less than its own width away, it meets that. And axes do not cross by chance: a hole whose
-axis crosses that of a wider one, which may have no told floor either, goes on to it; so does one that ends there.
+the least depth that explains them, and no floor. Nobody leaves a thin wall between two holes; so where no ray tells a
+floor and the other hole is less than its own width away, it meets that. And axes hardly cross by chance: a hole whose
+axis crosses that of a wider one, which may have no told floor either, goes on to it; so does one that ends there. But
+in what is turned they cross by themselves: there, too, no more than its own width may be between.
 """
 
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ _CROSSING = 0.25  # radii of the narrower hole between axes that cross: it may s
 _WIDER = 1.1  # times the radius: holes of one drill that point at each other's axes may as well stop before
 _ASKEW = np.cos(np.radians(30.0))  # between axes that cross
 _PAST = 1.5  # radii of the narrower hole that the wider one goes on beyond its axis
-_MUCH_DEEPER = 6.0  # times as deep as rays have shown it, at most
+_MUCH_DEEPER = 6.0  # times as deep as rays have shown the wider one, at most
 _MOSTLY = 0.5  # of its cells lie over the other hole, which may be narrower
 
 logger = log.get_logger("stage1")
@@ -48,7 +49,7 @@ def met(scene: Scene, prism: Prism, others: Sequence[Prism]) -> Prism:
         return prism
     pitch = prism.lattice.pitch
     width = 2 * np.sqrt(prism.area / np.pi) / pitch
-    ends = _reached(scene, prism, others, width)
+    ends = _reached(scene, prism, others, _THINNEST_WALL * width)
     core = np.isfinite(ends)[core_of(prism)[prism.outline]]
     if not len(core) or core.mean() < _MOSTLY:
         return prism
@@ -86,7 +87,9 @@ def _to_crossing(scene: Scene, hole: Prism, wide: Prism) -> tuple[Prism, Prism] 
     if broad < _WIDER * narrow or abs(float(down @ across)) > _ASKEW:
         return None
     (deep, along), apart = _closest(hole.middle, down, wide.middle, across)
-    if apart > _CROSSING * narrow or along < narrow or not broad < deep < _MUCH_DEEPER * hole.depth:
+    if apart > _CROSSING * narrow or along < narrow or deep < broad:
+        return None
+    if deep - broad - hole.least_depth > 2 * _THINNEST_WALL * narrow:
         return None
     if not hole.endless and abs(hole.depth - deep) > broad:
         return None  # its floor is told, and lies elsewhere
@@ -94,7 +97,7 @@ def _to_crossing(scene: Scene, hole: Prism, wide: Prism) -> tuple[Prism, Prism] 
         return None  # a fork's bore ends in its gap, or before
     needed = along + _PAST * narrow
     if wide.depth < needed:
-        if not wide.endless or wide.through or needed > _MUCH_DEEPER * wide.depth:
+        if not wide.endless or wide.through or needed > _MUCH_DEEPER * wide.least_depth:
             return None
         wide = replace(wide, depth=needed)
     end = wide.middle + wide.depth * across
@@ -121,7 +124,7 @@ def _closest(one: Array, along: Array, other: Array, across: Array) -> tuple[Arr
 def _reached(scene: Scene, prism: Prism, others: Sequence[Prism], most: float) -> Array:
     """(N,) depth, in cells, at which lines down from its opening come into another hole, infinite where they don't.
 
-    At `most` so many cells of solid lie between that and the hole's end.
+    At `most` so many cells of solid lie between that and what rays show of the hole.
     """
     starts, pitch = prism.lattice.centers()[prism.outline], prism.lattice.pitch
     crossings, _ = crossings_below(scene, starts, prism.lattice)
@@ -130,7 +133,7 @@ def _reached(scene: Scene, prism: Prism, others: Sequence[Prism], most: float) -
     first, second = np.pad(beyond, ((0, 0), (0, 2)), constant_values=np.inf)[:, :2].T
     # a line that does not meet the floor is in the open there already: below a shoulder, too, of which one is told
     end = np.where(first <= floor + _AT_FLOOR_CELLS, second, floor if prism.endless else np.inf)
-    end = np.where(end - floor <= most, end, np.inf)
+    end = np.where(end - prism.least_depth / pitch <= most, end, np.inf)
     found = np.flatnonzero(np.isfinite(end))
     places = starts[found] - ((end[found] + _WITHIN_CELLS) * pitch)[:, None] * prism.lattice.normal
     within = np.zeros(len(found), bool)

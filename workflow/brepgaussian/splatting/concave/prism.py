@@ -110,6 +110,7 @@ class Prism:
         step: depth of a shoulder all around it, where it narrows by `sink` at once, or down to which the walls of a
             funnel are straight; `parted` makes two of it.
         ring: whether its floor is a shoulder around a hole that is known: nothing else is sought in it.
+        shown: depth that rays show, where a greater one is only likely; 0 = all of it.
     """
 
     lattice: Lattice
@@ -127,6 +128,12 @@ class Prism:
     islands: tuple["Prism", ...] = ()
     ring: bool = False
     step: float = 0.0
+    shown: float = 0.0
+
+    @property
+    def least_depth(self) -> float:
+        """That rays show."""
+        return self.shown or self.depth
 
     @property
     def area(self) -> float:

@@ -34,7 +34,7 @@ _DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not a
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
-MOST_CLOSED = 0.25  # of the rays agree about the wall that a cut opens: true channels had .12, one under a slot .36
+_MOST_CLOSED = 0.25  # of the rays agree about the wall that a cut opens: true channels had .12, one under a slot .36
 _SHUT = 0.5  # of a channel's section lies behind faces without a hole there
 _SHORTER = (0.5, 0.7)  # of a column's length, from either end: what a wide bore's funnel in a hull would really be
 _MOST_CUTS = 4  # channels of one part
@@ -88,7 +88,7 @@ def _judged(images: Images, hull: Volume, cut: Cut) -> tuple[Volume, bool]:
     before, after, reach = hull.scene(), opened.scene(), 2 * hull.spacing
     old, new, count = said = disagreements(images, before, after, reach)
     good = better(said, _GAIN, _LEAST_RAYS_AT_ENDS if cut.at_ends else _LEAST_RAYS, untold=False)
-    good = good and one_surface(images, before, after, reach) <= MOST_CLOSED
+    good = good and one_surface(images, before, after, reach) <= _MOST_CLOSED
     logger.info(
         "%s along %s, %.0f voxels: views disagree by %.2f for %.2f of the hull, %d rays%s",
         "channel" if len(cut.prisms) == 1 else f"{len(cut.prisms)} channels",
