@@ -39,7 +39,7 @@ _MOST_STEP = 0.02  # unit frame
 _CONVERGED = 1e-5  # unit frame
 _NEARLY = np.cos(np.radians(5.0))  # of two planes that may be parallel: 4 measured of one whose border is hidden
 _ALIGNED = np.cos(np.radians(0.1))  # of two that are
-_AS_WELL = 1.5  # times the disagreement on the best plane: 1.0 to 1.35 measured where they were parallel
+_AS_WELL = 2.0  # times the disagreement on the best plane: 1.0 to 1.75 measured where they were parallel
 
 
 class Stack:
