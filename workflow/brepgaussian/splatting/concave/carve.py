@@ -168,7 +168,7 @@ def open_onward(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[V
         if known[k].endless:
             fits = not (_disagree(images, hull, deeper, further) or _walled(images, hull, deeper, further))
         else:
-            fits = _agreeable(images, hull.scene(), deeper.scene(), further, 2 * hull.spacing)
+            fits = _agreeable(images, hull.scene(), deeper.scene(), further, 2 * hull.spacing, floor_told=True)
         if not fits:
             return hull
         result[k] = further
@@ -316,13 +316,16 @@ def _walled(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
     return closed > _WALLED
 
 
-def _agreeable(images: Images, before: Scene, after: Scene, prism: Prism, reach: float) -> bool:
+def _agreeable(
+    images: Images, before: Scene, after: Scene, prism: Prism, reach: float, floor_told: bool = False
+) -> bool:
     """Whether views agree better where an opening has changed the hull, as far as they tell.
 
-    In a bore, what shows through its far mouth passes for a hole in its wall.
+    In a bore, what shows through its far mouth passes for a hole in its wall. Against a floor that was told, the few
+    rays that tell anything may not disagree more.
     """
     old, new, count = said = disagreements(images, before, after, reach)
-    agreeable = better(said, _GAIN, _LEAST_RAYS, untold=True)
+    agreeable = better(said, _GAIN, _LEAST_RAYS, untold=not floor_told or new <= old)
     logger.info(
         "opening of area %.4f, as far as told: views disagree by %.2f for %.2f of the hull, %d rays%s",
         prism.area, new, old, count, "" if agreeable else ": not believed",
