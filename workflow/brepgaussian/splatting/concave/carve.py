@@ -128,7 +128,7 @@ def open_concavities(
         scene = hull.scene(known) if longer else scene
         if not (floors or below):
             break
-    hull, known = _behind_gaps(images, hull, known)
+    hull, known = _behind_gaps(images, hull, scene, known)
     hull, known = open_curved(images, hull, known, planes)
     return hull, known, bends
 
@@ -145,12 +145,12 @@ def open_curved(
     hull, opened = _with_agreeable(images, hull, scene, known, found)
     scene = hull.scene(opened)
     hull, more = _with_agreeable(images, hull, scene, opened, counterbored(images, scene, hull.spacing, opened))
-    return (hull, more) if len(more) == len(known) else _behind_gaps(images, hull, more)
+    return (hull, more) if len(more) == len(known) else _behind_gaps(images, hull, hull.scene(more), more)
 
 
-def _behind_gaps(images: Images, hull: Volume, known: Sequence[Prism]) -> tuple[Volume, list[Prism]]:
-    """Holes carried on behind gaps that they come out in, and all that are known."""
-    result, scene = list(known), hull.scene(known)
+def _behind_gaps(images: Images, hull: Volume, scene: Scene, known: Sequence[Prism]) -> tuple[Volume, list[Prism]]:
+    """The hull, whose scene is given, with holes carried on behind gaps that they come out in; all that are known."""
+    result = list(known)
     for k, prism in enumerate(known):
         further = onward(images, scene, 2 * hull.spacing, prism, result)
         if further is not prism:

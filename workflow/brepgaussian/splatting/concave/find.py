@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.broken import broken_rims
-from brepgaussian.splatting.concave.curved import leaning_ways, spot_around, spots
+from brepgaussian.splatting.concave.curved import Spot, leaning_ways, spot_around, spots
 from brepgaussian.splatting.concave.deeper import is_whole, surely_deeper
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.drilled import drilled, ringed
@@ -106,14 +106,19 @@ def find_curved(
     for prism in known:
         free &= np.abs(prism.signed_distance(scene.vertices, 2 * cell)) > 2 * cell
 
-    def under(places: Array, facing: Array | None = None) -> list[tuple[Prism, Array]]:
-        square = spot_around(places, scene, cell, pitch, facing)
-        if square is None:
+    def around(places: Array, facing: Array | None = None) -> Spot | None:
+        return spot_around(places, scene, cell, pitch, facing)
+
+    def below(spot: Spot | None) -> list[tuple[Prism, Array]]:
+        if spot is None:
             return []
-        stack = rectify(images, scene, square.lattice, square.relief)
-        deep = square.relief + _LEAST_CURVED_CELLS * pitch
+        stack = rectify(images, scene, spot.lattice, spot.relief)
+        deep = spot.relief + _LEAST_CURVED_CELLS * pitch
         prisms = [prism for prism, _ in _concavities(images, scene, stack, centered=True)]
         return [(p, stack.surface()[p.outline]) for p in prisms if p.depth > deep[p.outline].max()]
+
+    def under(places: Array, facing: Array | None = None) -> list[tuple[Prism, Array]]:
+        return below(around(places, facing))
 
     found: list[tuple[Prism, Array]] = []  # with the places of its lid
     ends: list[Prism] = []  # what lies under the far mouths of holes that were found to go through
@@ -126,12 +131,13 @@ def find_curved(
                 continue
             # looked at again from over its own middle: there the face's normal is the direction of a hole
             ways = [_snapped(way, planes) for way in leaning_ways(places, spot.lattice.normal)]
-            own = spot_around(places, scene, cell, pitch) or spot
-            square = [under(places, way) for way in (None, *_across(own.lattice.normal, planes))]
-            below = _told_best(_least_against(square), [under(places, way) for way in ways])
+            own = around(places)
+            across = _across((own or spot).lattice.normal, planes)
+            square = [below(own), *(under(places, way) for way in across)]
+            told = _told_best(_least_against(square), [under(places, way) for way in ways])
             if _is_over(places, _prisms(found), cell):  # a hole that leans may come out there, too
-                ends += _prisms(below)
-            found += below
+                ends += _prisms(told)
+            found += told
     for prism, lid in tuple(found):
         far = opposite(prism, lid, scene)
         if far is not None and not _is_open(far, scene, [*known, *_prisms(found)], cell, pitch):

@@ -111,7 +111,7 @@ def _is_solid(scene: Scene, hole: Prism, depth: float) -> bool:
     pitch = hole.lattice.pitch
     depths = np.arange(hole.depth + _AT_FLOOR_CELLS * pitch, depth - _AT_FLOOR_CELLS * pitch, pitch)
     places = hole.middle - depths[:, None] * hole.lattice.normal
-    return bool(scene.inside(places).all()) if len(places) else True
+    return bool(scene.inside(places).all())
 
 
 def _closest(one: Array, along: Array, other: Array, across: Array) -> tuple[Array, float]:
