@@ -20,10 +20,17 @@ def edge(line, px=0.05, count=40, arc=True):
     return ShownEdge(line, px, count, PIXEL, arc)
 
 
+def row(name, px=None, count=40):
+    """Row of the acceptance test's table of an edge that no silhouette shows."""
+    return {"name": name, "interior_px": px, "interior": count, "silhouette_px": None, "silhouettes": 0, "creases": 40}
+
+
 def known(*edges):
-    """Edges (line, px) of a solid as its acceptance test tells them."""
-    rows = [{"name": f"edge {i}", "interior_px": px, "interior": 40} for i, (_, px) in enumerate(edges)]
-    return shown_edges(solid(*(line for line, _ in edges)), rows, PIXEL)
+    """Edges (line, px) of a solid as its acceptance test tells them, one more beside them shown for sure."""
+    rows = [row(f"edge {i}", px) for i, (_, px) in enumerate(edges)]
+    beside = [row(f"edge {len(edges) + i}", 0.05) for i in range(len(edges))]
+    found = shown_edges(solid(*(line for line, _ in edges), *(line for line, _ in edges)), [*rows, *beside], PIXEL)
+    return found[: len(found) - len(beside)]
 
 
 def solid(*lines, convexity="convex"):
@@ -67,9 +74,9 @@ def test_a_solid_without_sharp_edges_has_none_of_them():
 def test_rows_of_edges_within_the_outline_are_what_is_shown(convexity, fillets, sure):
     structure = solid(ARC, CORNER, convexity=convexity)
     rows = [
-        {"name": "edge 1", "interior_px": 0.05, "interior": 31},
-        {"name": "edge 0", "interior_px": None, "interior": 0},
-        {"name": "rim 0", "interior_px": 0.1, "interior": 50},
+        row("edge 1", 0.05, 31),
+        row("edge 0", None, 0),
+        row("rim 0", 0.1, 50),
     ]
     (found,) = shown_edges(structure, rows, PIXEL, fillets)
     np.testing.assert_array_equal(found.line, CORNER)
@@ -83,3 +90,13 @@ def test_rows_of_edges_within_the_outline_are_what_is_shown(convexity, fillets, 
 def test_within_a_fillet_only_a_sure_edge_counts(px, smooth, lost):
     apart = CORNER + np.array([0, 0, 0.05])
     assert lost_edges(solid(apart), known((ARC, px)), smooth) == lost
+
+
+@pytest.mark.parametrize(("others", "shown"), [((1.9, 2.3), 0), ((1.9, 0.3), 2), ((0.05, 1.9), 2), ((1.9, None), 0)])
+@pytest.mark.parametrize("px", [0.3, 0.05])
+def test_a_face_is_not_shown_by_one_rough_edge_of_several(px, others, shown):
+    """Three lines, of a face that is guessed, are near some step by chance; one to a pixel's fraction they are not."""
+    lines = (ARC, CORNER, CORNER + 0.05)
+    rows = [row(f"edge {i}", value) for i, value in enumerate((px, *others))]
+    found = shown_edges(solid(*lines), rows, PIXEL)
+    assert len(found) == (shown or int(px < 0.1))

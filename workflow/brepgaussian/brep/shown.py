@@ -1,5 +1,6 @@
 """Edges of a solid that the images show within its outline, and what another solid makes of them. Imports no OCP."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ _SEEN = 20  # if so many observations say so
 _SAME_EDGE = 0.012  # unit frame: twice the width of a rounded-off edge, beside which a fringe has its false ones
 _HALF = 0.5  # of an edge that another solid has, too;
 _MOSTLY = 0.75  # of one that is known to a pixel: half of a small arc lies that near to the corner that it rounds off
+_MAJORITY = 0.5  # of what is seen of a face's sharp edges
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,9 @@ def shown_edges(
 ) -> tuple[ShownEdge, ...]:
     """The edges within a solid's outline most samples of which lie where the images show a step of luminance.
 
+    Not those that are known to no fraction of a pixel, of a face most of whose other edges the images do not show: some
+    step lies near one of several lines that are guessed.
+
     Args:
         structure: of the solid.
         rows: the acceptance test's table of edges.
@@ -62,14 +67,28 @@ def shown_edges(
         fillets: indices of surfaces that roll on others.
     """
     found = []
-    for index, row in edge_rows(rows):
-        if _is_step(row):
-            edge = structure.edges[index]
+    table = dict(edge_rows(rows))
+    guessed = _guessed(structure, table)
+    for index, row in table.items():
+        edge = structure.edges[index]
+        if _is_step(row) and not (row["interior_px"] >= _SURE_PX and guessed.intersection(edge.surfaces)):
             rolled = any(i in fillets for i in edge.surfaces)
             px, count = float(row["interior_px"]), int(row["interior"])
             arc = edge.convexity == CONVEX and rolled
             found.append(ShownEdge(edge.polyline, px, count, footprint, arc, edge.surfaces))
     return tuple(found)
+
+
+def _guessed(structure: Structure, table: Mapping[int, Mapping[str, Any]]) -> set[int]:
+    """Surfaces most of whose sharp edges, by what is seen of these, no step and no silhouette shows."""
+    seen, shown = Counter[int](), Counter[int]()
+    for index, row in table.items():
+        edge = structure.edges[index]
+        if edge.convexity != SMOOTH:
+            count = int(row["silhouettes"]) + int(row["creases"])
+            seen.update(dict.fromkeys(edge.surfaces, count))
+            shown.update(dict.fromkeys(edge.surfaces, count if is_shown(row) else 0))
+    return {i for i, count in seen.items() if shown[i] < _MAJORITY * count}
 
 
 def edge_rows(rows: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, Mapping[str, Any]]]:
