@@ -70,6 +70,23 @@ def test_a_lid_over_three_floors_and_one_over_two():
     assert (between.floors, len(between.normals)) == (2, 4)
 
 
+@pytest.mark.parametrize(
+    ("lean", "seen", "paired"), [(8, True, True), (8, False, False), (20, False, True), (3, True, False)]
+)
+def test_a_lid_may_be_nearly_parallel_to_a_floor_that_is_seen(lean, seen, paired):
+    """What other cuts have left of a room is flat, and over its floor; of one that is not seen that tells nothing."""
+    floors = [corners._Floor(np.eye(3)[k], np.full(3, 0.5) if seen else None) for k in (0, 2)]
+    lid = SimpleNamespace(normal=np.array([np.sin(np.radians(lean)), 0, np.cos(np.radians(lean))]), offset=1.0)
+    assert corners._pairs(lid, floors) == ([tuple(floors)] if paired else [])
+
+
+@pytest.mark.parametrize("found", [0, 1, 2, 9])
+def test_corners_are_looked_for_again_in_what_one_has_left(monkeypatch, found):
+    hulls = [object() for _ in range(10)]
+    monkeypatch.setattr(corners, "_open_corners", lambda _, hull, __: hulls[min(hulls.index(hull) + 1, found)])
+    assert corners.open_corners(None, hulls[0], []) is hulls[min(found, corners._ROUNDS)]
+
+
 def test_directions_are_told_once():
     turned = np.array([np.sin(0.03), 0, np.cos(0.03)])
     kept = corners._distinct([np.eye(3)[2], turned, -turned, np.eye(3)[0]])

@@ -348,8 +348,28 @@ def test_a_face_keeps_no_spot_of_its_own_under_what_stands_beside_it(monkeypatch
     middle = np.linalg.norm(lattice.centers()[..., :2] - 0.5, axis=-1)
     spot = np.abs(lattice.centers()[..., :2] - 0.5).max(axis=-1) < side * 0.01 / 2
     face = Face(lattice, (middle > 0.14) | spot, 0.001, 0.2)
-    left = flatten._without_spots(None, face, hull, hull.scene()).outline
+    left = flatten._without_spots(None, face, hull, hull.scene(), []).outline
     np.testing.assert_array_equal(left, (middle > 0.14) | (spot if kept or high < 0.02 else False))
+
+
+@pytest.mark.parametrize(("said", "kept"), [((0.4, 1.2, 500), False), ((0, 0, 0), False), ((1.0, 0.4, 500), True)])
+def test_a_wall_ends_at_a_rib_whose_edge_is_a_face_unless_views_tell(monkeypatch, said, kept):
+    """A region may take the rib's side for the wall that it stands against; what is below its edge is asked alone."""
+    monkeypatch.setattr(flatten, "disagreements", lambda *_: said)
+    x, y, z = np.moveaxis(np.stack(np.meshgrid(*[np.linspace(0, 1, 101)] * 3, indexing="ij"), axis=-1), -1, 0)
+    base = np.minimum.reduce([0.4 - np.abs(x - 0.5), 0.4 - np.abs(y - 0.5), 0.1 - np.abs(z - 0.2)])
+    rib = np.minimum.reduce([y - 0.8, 0.9 - y, z - 0.1, x - 0.1, (1.0 - x - z) / np.sqrt(2)])
+    hull = Volume(np.maximum(base, rib).astype(np.float32), np.zeros(3), 0.01)
+    wall = Lattice(np.array([0.1, 0.1, 0.3]), *np.eye(3), 0.01, (80, 80))
+    face = Face(wall, np.ones((80, 80), bool), 0.001, 0.6)
+    slanted = np.array([[1, 0, -1], [0, 1, 0], [1, 0, 1]]) / np.array([[np.sqrt(2)], [1], [np.sqrt(2)]])
+    edge = Lattice(np.array([0.1, 0.8, 0.9]), *slanted, 0.01, (84, 10))
+    others = [face, Face(edge, np.ones((84, 10), bool), 0.001, 0.0)]
+    left = flatten._without_spots(None, face, hull, hull.scene(), others).outline
+    foot = np.zeros((80, 80), bool)
+    foot[1:56, 70:] = True  # x < .66: as high as tells
+    np.testing.assert_array_equal(left[:, :69], True)
+    assert (left[foot].mean() > 0.98) if kept else (left[foot].mean() < 0.02)
 
 
 def test_the_other_side_of_a_groove_stands_when_a_face_is_cleared():

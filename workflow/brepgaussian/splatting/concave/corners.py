@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 _LEAST_WIDTH_PIXELS = 14.0  # of an opening; the corner under a narrower one is left to what has one floor
 _OPENING_CELLS = 3  # a narrower part of a refuted region is blur
 _RAYS, _FEW_RAYS = 60_000, 10_000
-_FACING = (0.15, 0.985)  # cosines between a lid and a floor under it
+_FACING = (0.15, 0.985)  # cosines between a lid and a floor under it,
+_FACING_SEEN = (0.1, 0.996)  # and two floors both of which are seen elsewhere: what other cuts leave of room is flat
 _LEAST_ANGLE = 0.5  # sine of the angle between the floors
 _ALONG = 0.2  # sine of the angle between a lid and the edge in which the floors meet
 _LARGE_FACE = 0.5  # of a lid's area has a face that a third floor may be parallel to: no strip along a hull's edge
@@ -46,6 +47,7 @@ _MOST_REFINED = 4  # sets of floors under one of them, those that explain most r
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _IN_POCKET = 0.5  # of an opening lies in a pocket that notches have opened
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
+_ROUNDS = 3  # of looking again
 _MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
 _FINS_VOXELS = (np.inf, 8.0)  # and then, as far as the views allow
 _REACH_VOXELS = 2.0  # rays on which a corner changes less than this don't judge what it cuts
@@ -67,7 +69,19 @@ _Opening = tuple[PlanarRegion, list[tuple[_Floor, ...]], Stack, NDArray[np.bool_
 
 
 def open_corners(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
-    """Carve the corners between ribs.
+    """Carve the corners between ribs; what one that is cut out leaves of the room may be one, too.
+
+    Arguments and result are those of `_open_corners`.
+    """
+    for _ in range(_ROUNDS):
+        before, hull = hull, _open_corners(images, hull, planes)
+        if hull is before:
+            break
+    return hull
+
+
+def _open_corners(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
+    """Carve the corners under lids that a hull has.
 
     Args:
         images: of all views.
@@ -156,21 +170,22 @@ def _distinct(directions: Sequence[Array]) -> list[Array]:
     return found
 
 
-def _facing(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[_Floor]:
+def _facing(lid: PlanarRegion, planes: Sequence[_Floor], within: tuple[float, float] = _FACING) -> list[_Floor]:
     """Planes that look the way a lid does, but not quite."""
-    return [plane for plane in planes if _FACING[0] < plane.normal @ lid.normal < _FACING[1]]
+    return [plane for plane in planes if within[0] < plane.normal @ lid.normal < within[1]]
 
 
 def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
     """Pairs of planes that may be the floors under a lid."""
     pairs: list[tuple[_Floor, ...]] = []
-    for first, second in combinations(_facing(lid, planes), 2):
+    flat = list(combinations(_facing(lid, [p for p in planes if p.seen is not None], _FACING_SEEN), 2))
+    for first, second in [*combinations(_facing(lid, planes), 2), *flat]:
         edge = np.cross(first.normal, second.normal)
         length = float(np.linalg.norm(edge))
         if length < _LEAST_ANGLE or abs(edge @ lid.normal) > _ALONG * length:
             continue
         share = np.linalg.lstsq(np.column_stack([first.normal, second.normal]), lid.normal, rcond=None)[0]
-        if share.min() > _BETWEEN:
+        if share.min() > _BETWEEN and not any(first is one and second is two for one, two in pairs):
             pairs.append((first, second))
     return pairs
 

@@ -38,6 +38,7 @@ _BLIND_CELLS = 3.0  # a bulge this high hid what lies beside it: views judge it,
 _GAIN = 0.75  # of the views' disagreement is left at most without a bulge: .2-.5 measured, .9-3.2 where walls went too
 _LEAST_RAYS = 100  # that tell, for them to judge
 _SPOT_SHARE = 0.01  # of the largest part of a face: views are not asked about smaller ones (.005 measured)
+_LEAST_FACING, _PARALLEL = 0.15, 0.985  # cosines between a face and another one that lies over a part of it
 _MOVED_VOXELS = 0.5  # between a hull that has moved and the hull as it was,
 _MOVED_SHARE = 0.2  # on this share of a face's samples: elsewhere nothing new is to be found
 _REACH_VOXELS = 2.0  # rays on which a bulge changes less than this don't judge it
@@ -117,7 +118,8 @@ def _flatten(
             continue
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
-    faces = [_without_spots(images, f, hull, scene) for f in faces if _agreeable(images, f, hull, scene)]
+    faces = [f for f in faces if _agreeable(images, f, hull, scene)]
+    faces = [_without_spots(images, f, hull, scene, [*known, *faces]) for f in faces]
     carved = _carve(hull, faces)
     after = carved.scene()
     kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
@@ -147,12 +149,16 @@ def _same(face: Face, other: Face, spacing: float) -> bool:
     return bool((within & (np.abs(heights) < spacing)).mean() > 0.5)
 
 
-def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene) -> Face:
+def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene, others: Sequence[Face]) -> Face:
     """A face without the parts apart from most of it that a bulge stands on, unless the views tell that it does not.
 
-    Inside of a hub's wall a plane is seen by few views, past the wall, and has whatever regions lie behind.
+    Inside of a hub's wall a plane is seen by few views, past the wall, and has whatever regions lie behind. What is
+    below another face is a part of its own: regions take a rib's side for the wall that it stands against.
     """
-    parts = ndimage.label(face.outline, np.ones((3, 3)))[0]
+    below = _below(face, others, hull.spacing)
+    parts = ndimage.label(face.outline & ~below, np.ones((3, 3)))[0]
+    more = ndimage.label(face.outline & below, np.ones((3, 3)))[0]
+    parts = np.where(more > 0, more + parts.max(), parts)
     sizes = np.bincount(parts.ravel())[1:]
     outline = face.outline.copy()
     for k in np.argsort(-sizes, kind="stable")[1:]:
@@ -164,6 +170,24 @@ def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene) -> Fa
         if sizes[k] < _SPOT_SHARE * sizes.max() or not _told(images, part, hull, scene, untold=False)[0]:
             outline &= ~part.outline
     return replace(face, outline=outline)
+
+
+def _below(face: Face, others: Sequence[Face], spacing: float) -> NDArray[np.bool_]:
+    """(R, C) cells of a face over which others lie, within the height of its bulge."""
+    below = np.zeros(face.outline.shape, bool)
+    for other in others:
+        facing = float(other.lattice.normal @ face.lattice.normal)
+        if not _LEAST_FACING < facing < _PARALLEL:
+            continue
+        centers = other.lattice.centers()[other.outline]
+        within, heights = over(face.lattice, face.outline, centers)
+        within &= (heights > _BLIND_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
+        cells = np.round(face.lattice.coordinates(centers[within])[0]).astype(int)
+        mine = np.zeros(face.outline.shape, bool)
+        mine[tuple(np.clip(cells, 0, np.array(mine.shape) - 1).T)] = True
+        wide = ndimage.binary_dilation(mine, iterations=_STANDING_CELLS)
+        below |= ndimage.binary_erosion(wide, iterations=_STANDING_CELLS, border_value=1)
+    return below
 
 
 def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
