@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, corners, rooms
 from brepgaussian.splatting.concave.corners import Corner
+from brepgaussian.splatting.concave.planes import Plane as Face
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.hull import carve
@@ -78,6 +79,19 @@ def test_a_lid_may_be_nearly_parallel_to_a_floor_that_is_seen(lean, seen, paired
     floors = [corners._Floor(np.eye(3)[k], np.full(3, 0.5) if seen else None) for k in (0, 2)]
     lid = SimpleNamespace(normal=np.array([np.sin(np.radians(lean)), 0, np.cos(np.radians(lean))]), offset=1.0)
     assert corners._pairs(lid, floors) == ([tuple(floors)] if paired else [])
+
+
+def test_floors_lie_on_known_faces_that_are_near():
+    """Rays tell a wall less exactly than the masks of a face; what is farther off, or leans, is another one."""
+    lid = np.array([1.0, 0, 1]) / np.sqrt(2)
+    corner = Corner(
+        (lid, 1.0), np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]]), np.array([0.4, 0.3, 0.2, -0.7])
+    )
+    turned = np.array([np.cos(0.01), np.sin(0.01), 0])
+    planes = [Face(turned, 0.41), Face(turned, 0.43), Face(np.eye(3)[2], 0.35), Face(np.eye(3)[1], 0.201)]
+    found = corners._on_known(corner, planes, 0.02)
+    np.testing.assert_array_equal(found.offsets, [0.41, 0.3, 0.2, -0.7])
+    np.testing.assert_array_equal(found.normals, [turned, *corner.normals[1:]])
 
 
 @pytest.mark.parametrize("found", [0, 1, 2, 9])

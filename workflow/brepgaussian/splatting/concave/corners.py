@@ -5,7 +5,7 @@ rib, in the corner of a bracket, the lid spans the rib's edge and the far ends o
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -47,6 +47,7 @@ _MOST_REFINED = 4  # sets of floors under one of them, those that explain most r
 _TOLD_ONCE = 0.5  # of an opening lies over a corner that is known
 _IN_POCKET = 0.5  # of an opening lies in a pocket that notches have opened
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
+_SAME_VOXELS = 3.0  # within which a floor is a face that is known
 _ROUNDS = 3  # of looking again
 _MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
 _FINS_VOXELS = (np.inf, 8.0)  # and then, as far as the views allow
@@ -125,12 +126,24 @@ def _open_corners(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volu
             continue
         corner = _measured(images, stack, scene, outline, [list(_starts(lid, some, cells)) for some in floors])
         if corner is not None:
+            corner = _on_known(corner, planes, _SAME_VOXELS * hull.spacing)
             opened = corner.cut_out(hull, _MARGIN_VOXELS * hull.spacing)
             after = opened.scene()
             if _agreeable(images, now, after, hull.spacing):
                 found.append(corner)
                 hull, now = _without_fins(images, opened, after, corner)
     return hull
+
+
+def _on_known(corner: Corner, planes: Sequence[Plane], reach: float) -> Corner:
+    """A corner whose floors lie on faces that views have confirmed, where they are so near: these are known better."""
+    normals, offsets = corner.normals.copy(), corner.offsets.copy()
+    for k in range(corner.floors):
+        alike = [p for p in planes if p.normal @ normals[k] > _PARALLEL and abs(p.offset - offsets[k]) < reach]
+        if alike:
+            nearest = min(alike, key=lambda p: abs(p.offset - corner.offsets[k]))
+            normals[k], offsets[k] = nearest.normal, nearest.offset
+    return replace(corner, normals=normals, offsets=offsets)
 
 
 def _without_fins(images: Images, opened: Volume, scene: Scene, corner: Corner) -> tuple[Volume, Scene]:
