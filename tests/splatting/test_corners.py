@@ -94,6 +94,28 @@ def test_floors_lie_on_known_faces_that_are_near():
     np.testing.assert_array_equal(found.normals, [turned, *corner.normals[1:]])
 
 
+@pytest.mark.parametrize("walls", [(), (2,), (3,), (2, 3)])
+def test_a_corner_goes_on_past_ends_at_which_views_see_no_rib(monkeypatch, walls):
+    normals = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    corner = Corner((normals[1], 1.0), normals, np.array([0.4, 0.3, 0.4, -0.6]))
+    full = Volume(np.full((41, 41, 41), 0.1, np.float32), np.zeros(3), 1 / 40)
+    y = np.arange(41)[None, :, None] / 40
+    beyond = {2: y < 0.4, 3: y > 0.6}
+
+    def agree(_, before, after, *__):
+        return not any(((after.field < before.field) & beyond[k]).any() for k in walls)
+
+    monkeypatch.setattr(Volume, "scene", lambda self: self)
+    monkeypatch.setattr(corners, "_agreeable", agree)
+    opened = corner.cut_out(full, 0.0)
+    longer, hull, scene = corners._without_ends(None, opened, opened, corner)
+    assert scene is hull
+    assert [k for k in (2, 3) if np.isfinite(longer.offsets[k])] == list(walls)
+    empty = (hull.field < 0).any(axis=(0, 2))
+    assert (empty[:16].any(), empty[25:].any()) == (2 not in walls, 3 not in walls)
+    assert empty[17:24].all()
+
+
 @pytest.mark.parametrize("found", [0, 1, 2, 9])
 def test_corners_are_looked_for_again_in_what_one_has_left(monkeypatch, found):
     hulls = [object() for _ in range(10)]

@@ -1,6 +1,6 @@
 """Faces that the images confirm: their outline on the plane, and one grey level in all views within it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ _MOST_CELLS = 160  # along the longer side of the outline's lattice
 _PITCH_PIXELS = 1.25
 _MARGIN_CELLS = 4
 _INSIDE = 0.5  # of the views put the cell inside
+_SURELY_INSIDE = 0.8  # of those that would see it, if the hull hides it
 _BORDER_PX = 3.0  # from the border, cells whose height is measured
 _LEAST_SEEN = 4  # views of such a cell, and of one that is surely seen
 _LEAST_PARALLAX = 1.0  # px squared, summed over views, for a rise of one cell
@@ -104,10 +105,28 @@ def confirm(
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
 
 
-def _outline(lattice: Lattice, depth: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(R, C) cells that most views which see them (V, N) have inside the border, by depths (V, N) px."""
+def without_feet(face: Face, stack: Stack, aligned: Aligned, before: Scene, after: Scene) -> Face:
+    """A face without hidden cells that not nearly all views have inside which would see them if its bulge were none.
+
+    What a hull hides is believed of the views whose region covers it, and regions merge the side of a rib with what
+    this stands on, but never split a face there.
+
+    Args:
+        face: of the candidate.
+        stack, aligned: the candidate with its plane.
+        before, after: the hull, with and without the bulge.
+    """
+    cells = face.lattice.centers().reshape(-1, 3)
+    bare, seen = (stack.visible(cells, scene)[aligned.views] for scene in (before, after))
+    inside = _outline(face.lattice, stack.sample(cells, aligned.views, holes=True), seen, _SURELY_INSIDE)
+    shown, told = ((some.sum(axis=0) >= _LEAST_SEEN).reshape(inside.shape) for some in (bare, seen))
+    return replace(face, outline=face.outline & (inside | shown | ~told))
+
+
+def _outline(lattice: Lattice, depth: Array, seen: NDArray[np.bool_], share: float = _INSIDE) -> NDArray[np.bool_]:
+    """(R, C) cells that a share of the views which see them (V, N) has inside the border, by depths (V, N) px."""
     inside = np.where(seen, np.clip(depth + 0.5, 0, 1), 0).sum(axis=0)
-    return np.asarray((inside > _INSIDE * np.maximum(seen.sum(axis=0), 1)).reshape(lattice.shape))
+    return np.asarray((inside > share * np.maximum(seen.sum(axis=0), 1)).reshape(lattice.shape))
 
 
 def _bulge(lattice: Lattice, outline: NDArray[np.bool_], points: Array) -> float:

@@ -15,9 +15,9 @@ from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.faces.align import Stack, align, parallel
+from brepgaussian.splatting.faces.align import Aligned, Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import candidates
-from brepgaussian.splatting.faces.confirm import Face, confirm
+from brepgaussian.splatting.faces.confirm import Face, confirm, without_feet
 from brepgaussian.splatting.faces.holes import clear_holes, standing
 
 Array = NDArray[np.float64]
@@ -104,6 +104,7 @@ def _flatten(
     mesh = hull.mesh()
     scene = Scene(*mesh)
     faces: list[Face] = []
+    looked: list[tuple[Stack, Aligned]] = []  # at each
     for candidate in candidates(views.cameras, patches, scene, *sampler(*mesh)):
         if before is not None and not _moved(candidate.points, before, hull.spacing):
             continue
@@ -118,7 +119,12 @@ def _flatten(
             continue
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
-    faces = [f for f in faces if _agreeable(images, f, hull, scene)]
+            looked.append((stack, aligned))
+    faces = [
+        _without_feet(f, *at, hull, scene)
+        for f, at in zip(faces, looked, strict=True)
+        if _agreeable(images, f, hull, scene)
+    ]
     faces = [_without_spots(images, f, hull, scene, [*known, *faces]) for f in faces]
     carved = _carve(hull, faces)
     after = carved.scene()
@@ -188,6 +194,12 @@ def _below(face: Face, others: Sequence[Face], spacing: float) -> NDArray[np.boo
         wide = ndimage.binary_dilation(mine, iterations=_STANDING_CELLS)
         below |= ndimage.binary_erosion(wide, iterations=_STANDING_CELLS, border_value=1)
     return below
+
+
+def _without_feet(face: Face, stack: Stack, aligned: Aligned, hull: Volume, scene: Scene) -> Face:
+    """A face without the feet of what stands on it, as far as views tell that it does: its bulge goes without it."""
+    high = face.bulge >= _BLIND_CELLS * hull.spacing
+    return without_feet(face, stack, aligned, scene, _carve(hull, [face]).scene()) if high else face
 
 
 def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
