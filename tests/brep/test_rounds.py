@@ -111,6 +111,31 @@ def test_caps_that_a_solid_does_not_use_do_not_stop_the_search():
     assert found.caps == job.caps
 
 
+@pytest.mark.parametrize("accepted", [True, False])
+def test_walls_are_mended_from_the_surfaces_that_images_have_refined(monkeypatch, accepted):
+    """From the points' own surfaces the solid around a chamfer that bends, a slot say, may not come out again."""
+    _, surfaces, patches = pocket()
+    rng = np.random.default_rng(0)
+    bent = np.column_stack([0.05 * rng.random(400), rng.random(400), np.zeros(400)])
+    arc = cylinder(np.array([0.025, 0, -0.5]), np.array([0, 1.0, 0]), 0.5)
+    bulge = patches_of([arc], [arc.project(bent)])
+    job = Job((*patches, *bulge), (), np.zeros((0, 3)), (), None, BrepSettings())
+    moved = tuple(plane(s.origin + 1e-3 * s.axis, s.axis) for s in surfaces)
+    attempt = Attempt("support", None, Verdict((), structure=Structure((), (), ())), (*moved, arc))
+    report = {"accepted": accepted, "refinement": {"edges": []}}
+    trials = Trials(None, None, job, Rung("support", 0.04), Polished(attempt, report), Budget(9, 9))
+    tried = []
+
+    def refuse(changes, **_):
+        tried.extend((c.name, [p.surface.kind for p in c.new]) for c in changes)
+        assert [p.surface for p in trials.job.patches] == [*moved, arc]
+
+    monkeypatch.setattr(trials, "_tried", refuse)
+    trials._mended()
+    assert (f"patch {bulge[0].primitive} unbent", ["plane"]) in tried or accepted
+    assert not (tried and accepted)
+
+
 @pytest.mark.parametrize("degrees", [90.0, 120.0])
 def test_a_refused_edge_between_planes_is_rounded_as_far_back_as_a_chamfer(degrees):
     """Two faces that meet at a convex edge along z, and a rim that gets its chamfer beside."""

@@ -17,7 +17,7 @@ from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces import flatten
 from brepgaussian.splatting.faces.align import Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import Candidate
-from brepgaussian.splatting.faces.confirm import Face, confirm, without_feet
+from brepgaussian.splatting.faces.confirm import Face, confirm, in_doubt
 from brepgaussian.splatting.hull import carve
 from brepgaussian.views.stage import make_views
 from poses import look_at
@@ -348,14 +348,14 @@ def test_a_face_keeps_no_spot_of_its_own_under_what_stands_beside_it(monkeypatch
     middle = np.linalg.norm(lattice.centers()[..., :2] - 0.5, axis=-1)
     spot = np.abs(lattice.centers()[..., :2] - 0.5).max(axis=-1) < side * 0.01 / 2
     face = Face(lattice, (middle > 0.14) | spot, 0.001, 0.2)
-    left = flatten._without_spots(None, face, hull, hull.scene(), []).outline
+    left = flatten._without_spots(None, face, hull, hull.scene(), np.zeros((80, 80), int)).outline
     np.testing.assert_array_equal(left, (middle > 0.14) | (spot if kept or high < 0.02 else False))
 
 
-@pytest.mark.parametrize(("merging", "kept"), [(0, False), (2, False), (4, False), (5, True)])
-@pytest.mark.parametrize("high", [0.2, 0.01])
-def test_a_face_ends_where_a_rib_stands_though_regions_of_some_views_merge_them(merging, kept, high):
-    """Five views would see the foot if nothing stood there; those that split have it outside the region."""
+@pytest.mark.parametrize(("merging", "doubt"), [(0, True), (4, True), (5, False)])
+@pytest.mark.parametrize("outside", [4.0, 1.0])
+def test_where_a_rib_stands_is_in_doubt_though_regions_of_some_views_merge_them(merging, doubt, outside):
+    """Five views would see the foot if nothing stood there; those that split have it outside the region, by pixels."""
     lattice = Lattice(np.array([0.1, 0.1, 0.5]), *np.eye(3), 0.1, (8, 8))
     foot, unseen = np.zeros((8, 8), bool), np.zeros((8, 8), bool)
     foot[3:5], unseen[6:] = True, True  # what nobody sees stays
@@ -364,17 +364,11 @@ def test_a_face_ends_where_a_rib_stands_though_regions_of_some_views_merge_them(
     inside = np.stack([~foot | (k < merging) for k in range(5)])
     stack = SimpleNamespace(
         visible=lambda cells, scene: np.tile(sees[id(scene)].ravel(), (5, 1)),
-        sample=lambda cells, views, holes: np.where(inside.reshape(5, -1), 4.0, -4.0),
+        sample=lambda cells, views, holes: np.where(inside.reshape(5, -1), 4.0, -outside),
     )
-    aligned = SimpleNamespace(views=np.arange(5))
-    face = Face(lattice, np.ones((8, 8), bool), 0.001, high)
-    left = without_feet(face, stack, aligned, before, after).outline
-    np.testing.assert_array_equal(left, ~foot | kept)
-    hull = SimpleNamespace(
-        spacing=0.02, without=lambda *_: SimpleNamespace(scene=lambda: after), inside=lambda at: np.zeros(len(at), bool)
-    )
-    some = flatten._without_feet(face, stack, aligned, hull, before).outline
-    np.testing.assert_array_equal(some, ~foot | kept | (high < 0.06))
+    face = Face(lattice, np.ones((8, 8), bool), 0.001, 0.2)
+    found = in_doubt(face, stack, SimpleNamespace(views=np.arange(5)), before, after)
+    np.testing.assert_array_equal(found, foot & (doubt and outside > 2))
 
 
 @pytest.mark.parametrize(("said", "kept"), [((0.4, 1.2, 500), False), ((0, 0, 0), False), ((1.0, 0.4, 500), True)])
@@ -390,7 +384,8 @@ def test_a_wall_ends_at_a_rib_whose_edge_is_a_face_unless_views_tell(monkeypatch
     slanted = np.array([[1, 0, -1], [0, 1, 0], [1, 0, 1]]) / np.array([[np.sqrt(2)], [1], [np.sqrt(2)]])
     edge = Lattice(np.array([0.1, 0.8, 0.9]), *slanted, 0.01, (84, 10))
     others = [face, Face(edge, np.ones((84, 10), bool), 0.001, 0.0)]
-    left = flatten._without_spots(None, face, hull, hull.scene(), others).outline
+    below = 2 * flatten._below(face, others, 0.01)
+    left = flatten._without_spots(None, face, hull, hull.scene(), below).outline
     foot = np.zeros((80, 80), bool)
     foot[1:56, 70:] = True  # x < .66: as high as tells
     np.testing.assert_array_equal(left[:, :69], True)

@@ -17,7 +17,7 @@ from brepgaussian.brep.judgement import Shape, against, as_good, bears, calms, i
 from brepgaussian.brep.mistaken import mistaken
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
-from brepgaussian.brep.profiles import flattened, grooved, straightened
+from brepgaussian.brep.profiles import flattened, grooved, straightened, unbent
 from brepgaussian.brep.regroup import regrouped
 from brepgaussian.brep.rounds import completed, fillets, roundings
 from brepgaussian.brep.sections import angular
@@ -128,9 +128,13 @@ class Trials:
             yield from zip_longest(self._at_edges(chamfers, table), self._at_edges(roundings, table))
 
     def _mended(self) -> None:
-        """Try other walls where the images still refuse the solid, one place after the other."""
+        """Try other walls where the images still refuse the solid, one place after the other.
+
+        From its refined surfaces: from the patches as they were the solid around a place may not come out again.
+        """
         if self.best.report.get("accepted") is not False:
             return
+        self.job = self._refined()
         self.left = self.left.other(_RUNGS * _MOST_MENDS, _MOST_MENDS)
         while not self.left.spent and not self.best.report["accepted"]:
             changes = [c for c in self._mends() if c.name not in self.refused]
@@ -171,9 +175,9 @@ class Trials:
         return self.best
 
     def _mends(self) -> list[Change]:
-        """Chamfers, fillets for facets, straight turned faces, what symmetries carry, planes for curved walls."""
+        """Chamfers, fillets for facets, straight faces, what symmetries carry, planes for curved walls."""
         patches = self.job.patches
-        turned = [*lone_facets(patches), *straightened(patches), *grooved(patches)]
+        turned = [*unbent(patches), *lone_facets(patches), *straightened(patches), *grooved(patches)]
         return [*self._at_edges(chamfers), *turned, *carried(patches), *angular(patches, square=True)]
 
     def _at_edges(self, propose: Changes, table: Sequence[Mapping[str, Any]] | None = None) -> list[Change]:

@@ -1,6 +1,6 @@
 """Faces that the images confirm: their outline on the plane, and one grey level in all views within it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,11 +105,11 @@ def confirm(
     return Face(lattice, outline, aligned.disagreement, _bulge(lattice, outline, candidate.points))
 
 
-def without_feet(face: Face, stack: Stack, aligned: Aligned, before: Scene, after: Scene) -> Face:
-    """A face without hidden cells that not nearly all views have inside which would see them if its bulge were none.
+def in_doubt(face: Face, stack: Stack, aligned: Aligned, before: Scene, after: Scene) -> NDArray[np.bool_]:
+    """(R, C) hidden cells that not nearly all views have inside which would see them if the face's bulge were none.
 
     What a hull hides is believed of the views whose region covers it, and regions merge the side of a rib with what
-    this stands on, but never split a face there.
+    this stands on more often than they split a face there.
 
     Args:
         face: of the candidate.
@@ -118,9 +118,10 @@ def without_feet(face: Face, stack: Stack, aligned: Aligned, before: Scene, afte
     """
     cells = face.lattice.centers().reshape(-1, 3)
     bare, seen = (stack.visible(cells, scene)[aligned.views] for scene in (before, after))
-    inside = _outline(face.lattice, stack.sample(cells, aligned.views, holes=True), seen, _SURELY_INSIDE)
+    depth = stack.sample(cells, aligned.views, holes=True) + _BLUR_PX  # what is at the border is not surely outside
+    inside = _outline(face.lattice, depth, seen, _SURELY_INSIDE)
     shown, told = ((some.sum(axis=0) >= _LEAST_SEEN).reshape(inside.shape) for some in (bare, seen))
-    return replace(face, outline=face.outline & (inside | shown | ~told))
+    return np.asarray(face.outline & told & ~inside & ~shown)
 
 
 def _outline(lattice: Lattice, depth: Array, seen: NDArray[np.bool_], share: float = _INSIDE) -> NDArray[np.bool_]:

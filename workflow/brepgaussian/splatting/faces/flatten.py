@@ -17,7 +17,7 @@ from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.faces.align import Aligned, Stack, align, parallel
 from brepgaussian.splatting.faces.candidates import candidates
-from brepgaussian.splatting.faces.confirm import Face, confirm, without_feet
+from brepgaussian.splatting.faces.confirm import Face, confirm, in_doubt
 from brepgaussian.splatting.faces.holes import clear_holes, standing
 
 Array = NDArray[np.float64]
@@ -120,12 +120,9 @@ def _flatten(
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
             looked.append((stack, aligned))
-    faces = [
-        _without_feet(f, *at, hull, scene)
-        for f, at in zip(faces, looked, strict=True)
-        if _agreeable(images, f, hull, scene)
-    ]
-    faces = [_without_spots(images, f, hull, scene, [*known, *faces]) for f in faces]
+    good = [(f, at) for f, at in zip(faces, looked, strict=True) if _agreeable(images, f, hull, scene)]
+    others = [*known, *(f for f, _ in good)]
+    faces = [_without_spots(images, f, hull, scene, _apart(f, *at, hull, scene, others)) for f, at in good]
     carved = _carve(hull, faces)
     after = carved.scene()
     kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
@@ -155,16 +152,22 @@ def _same(face: Face, other: Face, spacing: float) -> bool:
     return bool((within & (np.abs(heights) < spacing)).mean() > 0.5)
 
 
-def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene, others: Sequence[Face]) -> Face:
+def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene, apart: NDArray[np.int64]) -> Face:
     """A face without the parts apart from most of it that a bulge stands on, unless the views tell that it does not.
 
-    Inside of a hub's wall a plane is seen by few views, past the wall, and has whatever regions lie behind. What is
-    below another face is a part of its own: regions take a rib's side for the wall that it stands against.
+    Inside of a hub's wall a plane is seen by few views, past the wall, and has whatever regions lie behind.
+
+    Args:
+        images: of all views.
+        face: its outline.
+        hull: with its bulge.
+        scene: the same.
+        apart: (R, C) kinds of cells that may be the foot of a rib, parts of their own; 0 = none.
     """
-    below = _below(face, others, hull.spacing)
-    parts = ndimage.label(face.outline & ~below, np.ones((3, 3)))[0]
-    more = ndimage.label(face.outline & below, np.ones((3, 3)))[0]
-    parts = np.where(more > 0, more + parts.max(), parts)
+    parts = np.zeros(face.outline.shape, np.int64)
+    for kind in np.unique(apart):
+        found = ndimage.label(face.outline & (apart == kind), np.ones((3, 3)))[0]
+        parts = np.where(found > 0, found + parts.max(), parts)
     sizes = np.bincount(parts.ravel())[1:]
     outline = face.outline.copy()
     for k in np.argsort(-sizes, kind="stable")[1:]:
@@ -176,6 +179,16 @@ def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene, other
         if sizes[k] < _SPOT_SHARE * sizes.max() or not _told(images, part, hull, scene, untold=False)[0]:
             outline &= ~part.outline
     return replace(face, outline=outline)
+
+
+def _apart(
+    face: Face, stack: Stack, aligned: Aligned, hull: Volume, scene: Scene, others: Sequence[Face]
+) -> NDArray[np.int64]:
+    """(R, C) which cells of a face may be the foot of a rib: 2 = below another face, 1 = else in doubt, 0 = none."""
+    if face.bulge < _BLIND_CELLS * hull.spacing:
+        return np.zeros(face.outline.shape, np.int64)
+    hidden = in_doubt(face, stack, aligned, scene, _carve(hull, [face]).scene())
+    return np.where(_below(face, others, hull.spacing), 2, hidden.astype(np.int64))
 
 
 def _below(face: Face, others: Sequence[Face], spacing: float) -> NDArray[np.bool_]:
@@ -194,12 +207,6 @@ def _below(face: Face, others: Sequence[Face], spacing: float) -> NDArray[np.boo
         wide = ndimage.binary_dilation(mine, iterations=_STANDING_CELLS)
         below |= ndimage.binary_erosion(wide, iterations=_STANDING_CELLS, border_value=1)
     return below
-
-
-def _without_feet(face: Face, stack: Stack, aligned: Aligned, hull: Volume, scene: Scene) -> Face:
-    """A face without the feet of what stands on it, as far as views tell that it does: its bulge goes without it."""
-    high = face.bulge >= _BLIND_CELLS * hull.spacing
-    return without_feet(face, stack, aligned, scene, _carve(hull, [face]).scene()) if high else face
 
 
 def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
