@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import Images, corners, rooms
+from brepgaussian.splatting.concave import Images, cleared, corners, rooms
 from brepgaussian.splatting.concave.corners import Corner
 from brepgaussian.splatting.concave.planes import Plane as Face
 from brepgaussian.splatting.concave.scene import Scene
@@ -89,7 +89,7 @@ def test_floors_lie_on_known_faces_that_are_near():
     )
     turned = np.array([np.cos(0.01), np.sin(0.01), 0])
     planes = [Face(turned, 0.41), Face(turned, 0.43), Face(np.eye(3)[2], 0.35), Face(np.eye(3)[1], 0.201)]
-    found = corners._on_known(corner, planes, 0.02)
+    found = cleared.on_known(corner, planes, 0.02)
     np.testing.assert_array_equal(found.offsets, [0.41, 0.3, 0.2, -0.7])
     np.testing.assert_array_equal(found.normals, [turned, *corner.normals[1:]])
 
@@ -106,9 +106,9 @@ def test_a_corner_goes_on_past_ends_at_which_views_see_no_rib(monkeypatch, walls
         return not any(((after.field < before.field) & beyond[k]).any() for k in walls)
 
     monkeypatch.setattr(Volume, "scene", lambda self: self)
-    monkeypatch.setattr(corners, "_agreeable", agree)
+    monkeypatch.setattr(cleared, "_agreeable", agree)
     opened = corner.cut_out(full, 0.0)
-    longer, hull, scene = corners._without_ends(None, opened, opened, corner)
+    longer, hull, scene = cleared._without_ends(None, opened, opened, corner)
     assert scene is hull
     assert [k for k in (2, 3) if np.isfinite(longer.offsets[k])] == list(walls)
     empty = (hull.field < 0).any(axis=(0, 2))

@@ -5,7 +5,7 @@ rib, in the corner of a bracket, the lid spans the rib's edge and the far ends o
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.broken import broken_rims
+from brepgaussian.splatting.concave.cleared import cleared, on_known
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, Plane, lattice_over, planar_regions, region_on
@@ -49,11 +49,6 @@ _IN_POCKET = 0.5  # of an opening lies in a pocket that notches have opened
 _GAIN = 0.33  # of the disagreement on the lid is left at most; true corners had .15-.32, false ones .37 and more
 _SAME_VOXELS = 3.0  # within which a floor is a face that is known
 _ROUNDS = 3  # of looking again
-_GAIN_LONGER = 0.6  # the same where a corner without an end changes the hull: true ones left .37, false 4 times as much
-_MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
-_FINS_VOXELS = (np.inf, 8.0)  # and then, as far as the views allow
-_REACH_VOXELS = 2.0  # rays on which a corner changes less than this don't judge what it cuts
-_LEAST_RAYS = 20  # that do
 _MOST_AGAINST = 0.2  # share of rays that contradict it
 
 logger = log.get_logger("stage1")
@@ -127,60 +122,11 @@ def _open_corners(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volu
             continue
         corner = _measured(images, stack, scene, outline, [list(_starts(lid, some, cells)) for some in floors])
         if corner is not None:
-            corner = _on_known(corner, planes, _SAME_VOXELS * hull.spacing)
-            opened = corner.cut_out(hull, _MARGIN_VOXELS * hull.spacing)
-            after = opened.scene()
-            if _agreeable(images, now, after, hull.spacing):
-                corner, hull, now = _without_ends(images, opened, after, corner)
+            result = cleared(images, hull, now, on_known(corner, planes, _SAME_VOXELS * hull.spacing), _GAIN)
+            if result is not None:
+                corner, hull, now = result
                 found.append(corner)
-                hull, now = _without_fins(images, hull, now, corner)
     return hull
-
-
-def _on_known(corner: Corner, planes: Sequence[Plane], reach: float) -> Corner:
-    """A corner whose floors lie on faces that views have confirmed, where they are so near: these are known better."""
-    normals, offsets = corner.normals.copy(), corner.offsets.copy()
-    for k in range(corner.floors):
-        alike = [p for p in planes if p.normal @ normals[k] > _PARALLEL and abs(p.offset - offsets[k]) < reach]
-        if alike:
-            nearest = min(alike, key=lambda p: abs(p.offset - corner.offsets[k]))
-            normals[k], offsets[k] = nearest.normal, nearest.offset
-    return replace(corner, normals=normals, offsets=offsets)
-
-
-def _without_ends(images: Images, opened: Volume, scene: Scene, corner: Corner) -> tuple[Corner, Volume, Scene]:
-    """A corner, the hull, and its surface, without ends at which there is no rib: the lid ends there, not the room."""
-    for k in range(corner.floors, len(corner.offsets)):
-        offsets = np.where(np.arange(len(corner.offsets)) == k, -np.inf, corner.offsets)
-        longer = replace(corner, offsets=offsets)
-        further = longer.cut_out(opened, _MARGIN_VOXELS * opened.spacing)
-        if (further.field < opened.field).any():
-            after = further.scene()
-            if _agreeable(images, scene, after, opened.spacing, _GAIN_LONGER):
-                corner, opened, scene = longer, further, after
-    return corner, opened, scene
-
-
-def _without_fins(images: Images, opened: Volume, scene: Scene, corner: Corner) -> tuple[Volume, Scene]:
-    """A hull, and its surface, without what it has left over a corner's floors: above the lid there are more facets."""
-    for margin in _FINS_VOXELS:
-        bare = corner.cut_out(opened, margin * opened.spacing)
-        if (bare.field < opened.field).any():
-            after = bare.scene()
-            if _agreeable(images, scene, after, opened.spacing):
-                return bare, after
-    return opened, scene
-
-
-def _agreeable(images: Images, before: Scene, after: Scene, spacing: float, gain: float = _GAIN) -> bool:
-    """Whether views agree better on all that a corner changes: it may reach beyond its lid, into other faces."""
-    said = disagreements(images, before, after, _REACH_VOXELS * spacing)
-    good = better(said, gain, _LEAST_RAYS, untold=False)
-    logger.info(
-        "corner cut out: views disagree by %.2f for %.2f of the hull, %d rays%s",
-        said[1], said[0], said[2], "" if good else ": not believed",
-    )  # fmt: skip
-    return good
 
 
 def _seen(face: PlanarRegion, backs: Sequence[Array], mesh: tuple[Array, NDArray[np.int64]]) -> _Floor:
