@@ -13,7 +13,7 @@ from brepgaussian.splatting.concave.rooms import Corner
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
 
-_PARALLEL = 0.996  # cosine of 5 degrees: a floor may lean so from the face that it is
+PARALLEL = 0.996  # cosine of 5 degrees: a piece of a face in the hull may lean so from the face, or from its other side
 _GAIN_LONGER = 0.6  # of the disagreement is left at most by a corner without an end: true .37, false 4 times as much
 _MARGIN_VOXELS = 2.0  # above its lid a corner is cut out,
 _FINS_VOXELS = (np.inf, 8.0)  # and then, as far as the views allow
@@ -47,7 +47,7 @@ def on_known(corner: Corner, planes: Sequence[Plane], reach: float) -> Corner:
     """A corner whose floors lie on faces that views have confirmed, where they are so near: these are known better."""
     normals, offsets = corner.normals.copy(), corner.offsets.copy()
     for k in range(corner.floors):
-        alike = [p for p in planes if p.normal @ normals[k] > _PARALLEL and abs(p.offset - offsets[k]) < reach]
+        alike = [p for p in planes if p.normal @ normals[k] > PARALLEL and abs(p.offset - offsets[k]) < reach]
         if alike:
             nearest = min(alike, key=lambda p: abs(p.offset - corner.offsets[k]))
             normals[k], offsets[k] = nearest.normal, nearest.offset

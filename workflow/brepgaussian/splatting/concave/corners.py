@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.broken import broken_rims
-from brepgaussian.splatting.concave.cleared import cleared, on_known
+from brepgaussian.splatting.concave.cleared import PARALLEL, cleared, on_known
 from brepgaussian.splatting.concave.depth import measured
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
 from brepgaussian.splatting.concave.planes import PlanarRegion, Plane, lattice_over, planar_regions, region_on
@@ -36,7 +36,6 @@ _LEAST_ANGLE = 0.5  # sine of the angle between the floors
 _ALONG = 0.2  # sine of the angle between a lid and the edge in which the floors meet
 _LARGE_FACE = 0.5  # of a lid's area has a face that a third floor may be parallel to: no strip along a hull's edge
 _BETWEEN = 0.1  # least share of each floor's normal in the lid's
-_PARALLEL = 0.996  # cosine of 5 degrees: a piece of a face in the hull may lean so from the face's other side
 _DEPTHS = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9])  # under a lid, in the opening's widths, where no face is known
 _DEEPEST = 1.5  # opening's widths that a floor lies under it; a face that lies deeper is another one
 _LEAST_FLOOR = 0.15  # of a lid's area is seen of a floor elsewhere
@@ -131,7 +130,7 @@ def _open_corners(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volu
 
 def _seen(face: PlanarRegion, backs: Sequence[Array], mesh: tuple[Array, NDArray[np.int64]]) -> _Floor:
     """The floor that a face is a part of, parallel to an outer face if it is about so."""
-    alike = [normal for normal in backs if normal @ face.normal > _PARALLEL]
+    alike = [normal for normal in backs if normal @ face.normal > PARALLEL]
     return _Floor(alike[0] if alike else face.normal, mesh[0][mesh[1][face.triangles]].mean(axis=(0, 1)))
 
 
@@ -139,7 +138,7 @@ def _distinct(directions: Sequence[Array]) -> list[Array]:
     """Directions (3,) without those that are parallel to an earlier one."""
     found: list[Array] = []
     for direction in directions:
-        if not any(direction @ other > _PARALLEL for other in found):
+        if not any(direction @ other > PARALLEL for other in found):
             found.append(direction)
     return found
 
@@ -152,14 +151,16 @@ def _facing(lid: PlanarRegion, planes: Sequence[_Floor], within: tuple[float, fl
 def _pairs(lid: PlanarRegion, planes: Sequence[_Floor]) -> list[tuple[_Floor, ...]]:
     """Pairs of planes that may be the floors under a lid."""
     pairs: list[tuple[_Floor, ...]] = []
-    flat = list(combinations(_facing(lid, [p for p in planes if p.seen is not None], _FACING_SEEN), 2))
-    for first, second in [*combinations(_facing(lid, planes), 2), *flat]:
+    for first, second in combinations(_facing(lid, planes, _FACING_SEEN), 2):
+        both = first.seen is not None and second.seen is not None
+        if not both and len(_facing(lid, (first, second))) < 2:
+            continue
         edge = np.cross(first.normal, second.normal)
         length = float(np.linalg.norm(edge))
         if length < _LEAST_ANGLE or abs(edge @ lid.normal) > _ALONG * length:
             continue
         share = np.linalg.lstsq(np.column_stack([first.normal, second.normal]), lid.normal, rcond=None)[0]
-        if share.min() > _BETWEEN and not any(first is one and second is two for one, two in pairs):
+        if share.min() > _BETWEEN:
             pairs.append((first, second))
     return pairs
 

@@ -120,9 +120,14 @@ def _flatten(
         if not any(_same(face, other, hull.spacing) and face.area < _LARGER * other.area for other in known):
             faces.append(face)
             looked.append((stack, aligned))
-    good = [(f, at) for f, at in zip(faces, looked, strict=True) if _agreeable(images, f, hull, scene)]
-    others = [*known, *(f for f, _ in good)]
-    faces = [_without_spots(images, f, hull, scene, _apart(f, *at, hull, scene, others)) for f, at in good]
+    bare = [_bare(f, hull) for f in faces]
+    found = zip(faces, looked, bare, strict=True)
+    good = [(f, at, left) for f, at, left in found if _agreeable(images, f, hull, scene, left)]
+    others = [*known, *(f for f, _, _ in good)]
+    faces = [
+        _without_spots(images, f, hull, scene, _apart(f, *at, hull.spacing, scene, left, others))
+        for f, at, left in good
+    ]
     carved = _carve(hull, faces)
     after = carved.scene()
     kept = [_allowed(views, f, mesh[0], hull.spacing, after) for f in faces]
@@ -176,19 +181,26 @@ def _without_spots(images: Images, face: Face, hull: Volume, scene: Scene, apart
         part = replace(part, bulge=float(heights[within].max(initial=0.0)))
         if part.bulge < _BLIND_CELLS * hull.spacing:
             continue
-        if sizes[k] < _SPOT_SHARE * sizes.max() or not _told(images, part, hull, scene, untold=False)[0]:
+        small = sizes[k] < _SPOT_SHARE * sizes.max()
+        if small or not _told(images, hull, scene, _carve(hull, [part]).scene(), untold=False)[0]:
             outline &= ~part.outline
     return replace(face, outline=outline)
 
 
 def _apart(
-    face: Face, stack: Stack, aligned: Aligned, hull: Volume, scene: Scene, others: Sequence[Face]
+    face: Face,
+    stack: Stack,
+    aligned: Aligned,
+    spacing: float,
+    scene: Scene,
+    bare: Scene | None,
+    others: Sequence[Face],
 ) -> NDArray[np.int64]:
     """(R, C) which cells of a face may be the foot of a rib: 2 = below another face, 1 = else in doubt, 0 = none."""
-    if face.bulge < _BLIND_CELLS * hull.spacing:
+    if bare is None:
         return np.zeros(face.outline.shape, np.int64)
-    hidden = in_doubt(face, stack, aligned, scene, _carve(hull, [face]).scene())
-    return np.where(_below(face, others, hull.spacing), 2, hidden.astype(np.int64))
+    hidden = in_doubt(face, stack, aligned, scene, bare)
+    return np.where(_below(face, others, spacing), 2, hidden.astype(np.int64))
 
 
 def _below(face: Face, others: Sequence[Face], spacing: float) -> NDArray[np.bool_]:
@@ -201,22 +213,32 @@ def _below(face: Face, others: Sequence[Face], spacing: float) -> NDArray[np.boo
         centers = other.lattice.centers()[other.outline]
         within, heights = over(face.lattice, face.outline, centers)
         within &= (heights > _BLIND_CELLS * spacing) & (heights < face.bulge + _SLACK_CELLS * spacing)
-        cells = np.round(face.lattice.coordinates(centers[within])[0]).astype(int)
-        mine = np.zeros(face.outline.shape, bool)
-        mine[tuple(np.clip(cells, 0, np.array(mine.shape) - 1).T)] = True
-        wide = ndimage.binary_dilation(mine, iterations=_STANDING_CELLS)
+        wide = ndimage.binary_dilation(_cells_at(face, centers[within]), iterations=_STANDING_CELLS)
         below |= ndimage.binary_erosion(wide, iterations=_STANDING_CELLS, border_value=1)
     return below
 
 
-def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
+def _cells_at(face: Face, points: Array) -> NDArray[np.bool_]:
+    """(R, C) cells of a face's lattice that points (N, 3) lie over."""
+    cells = np.round(face.lattice.coordinates(points)[0]).astype(int)
+    found = np.zeros(face.outline.shape, bool)
+    found[tuple(np.clip(cells, 0, np.array(found.shape) - 1).T)] = True
+    return found
+
+
+def _bare(face: Face, hull: Volume) -> Scene | None:
+    """The surface of a hull without a face's bulge; None if that is too low to be judged."""
+    return None if face.bulge < _BLIND_CELLS * hull.spacing else _carve(hull, [face]).scene()
+
+
+def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene, bare: Scene | None) -> bool:
     """Whether views agree better once a bulge is gone, as far as they tell: else it is none, or more went with it.
 
     The outline of a face that was seen through a bore, or with a wall beside it, takes walls away.
     """
-    if face.bulge < _BLIND_CELLS * hull.spacing:
+    if bare is None:
         return True
-    agreeable, (old, new, count) = _told(images, face, hull, scene, untold=True)
+    agreeable, (old, new, count) = _told(images, hull, scene, bare, untold=True)
     if not agreeable:
         logger.info(
             "bulge %.4f: views disagree by %.2f for %.2f of the hull, %d rays: kept", face.bulge, new, old, count
@@ -225,10 +247,10 @@ def _agreeable(images: Images, face: Face, hull: Volume, scene: Scene) -> bool:
 
 
 def _told(
-    images: Images, face: Face, hull: Volume, scene: Scene, untold: bool
+    images: Images, hull: Volume, scene: Scene, bare: Scene, untold: bool
 ) -> tuple[bool, tuple[float, float, int]]:
     """Whether views agree better without a bulge (`untold` if they tell nothing), and what they say."""
-    said = disagreements(images, scene, _carve(hull, [face]).scene(), _REACH_VOXELS * hull.spacing)
+    said = disagreements(images, scene, bare, _REACH_VOXELS * hull.spacing)
     return better(said, _GAIN, _LEAST_RAYS, untold), said
 
 
@@ -255,10 +277,7 @@ def _allowed(views: Views, face: Face, vertices: Array, spacing: float, after: S
     needed = _needed(views, samples, after)
     if not len(samples) or needed.mean() <= _NEEDED_SHARE:
         return face
-    cells = np.round(face.lattice.coordinates(samples[needed])[0]).astype(int)
-    standing = np.zeros(face.outline.shape, bool)
-    standing[tuple(np.clip(cells, 0, np.array(standing.shape) - 1).T)] = True
-    standing = ndimage.binary_dilation(standing, iterations=_STANDING_CELLS)
+    standing = ndimage.binary_dilation(_cells_at(face, samples[needed]), iterations=_STANDING_CELLS)
     few = (standing & face.outline).sum() <= _STANDING_SHARE * face.outline.sum()
     few &= float(np.median(heights[within][needed])) > _TALL_CELLS * spacing
     return replace(face, outline=face.outline & ~standing) if few else None
