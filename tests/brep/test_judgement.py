@@ -1,8 +1,9 @@
 """What decides between two solids where silhouettes hardly do: the points that one of them leaves out."""
 
+import numpy as np
 import pytest
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.judgement import against, bears, calms, in_doubt, leaves_points, mends, short_of
+from brepgaussian.brep.judgement import against, bears, beyond_hope, calms, in_doubt, leaves_points, mends, short_of
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
@@ -40,6 +41,16 @@ def test_a_few_pixels_on_the_border_do_not_refuse_a_simpler_solid(pixels, lost, 
     old.report["mask_pixels"] = pixels
     new.report["mask_iou"] -= lost
     assert (against(new, old, BrepSettings()) == "") == taken
+
+
+def test_what_is_beyond_hope_is_never_taken():
+    """A solid with that much to object to is refused in the place of an accepted one, and of a refused one."""
+    settings = BrepSettings()
+    assert beyond_hope(None, settings) == np.inf
+    for old in (solid(0.99, 0.02, True), solid(0.99, 0.5)):
+        worst = beyond_hope(old, settings) * settings.accept_silhouette_px
+        assert short_of(solid(0.99, worst), old, settings)
+        assert against(solid(0.99, worst), old, settings)
 
 
 def test_a_solid_that_leaves_out_a_face_is_worth_other_explanations():

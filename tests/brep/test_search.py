@@ -10,6 +10,7 @@ from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.judgement import shape_of
 from brepgaussian.brep.polish import Polished, _left_out
 from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse
+from brepgaussian.brep.shown import ShownEdge
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import WorkerError, WorkerTimeout
 from brepgaussian.settings.brep import BrepSettings
@@ -165,3 +166,16 @@ def doubted(few):
 def test_a_label_of_few_points_that_has_no_face_in_two_explanations_ends_the_search():
     assert doubted(few=10) == 1
     assert doubted(few=500) == 2
+
+
+@pytest.mark.parametrize(("accepted", "faces", "refined"), [(True, 5, 0), (True, 6, 1), (False, 5, 1)])
+def test_a_simpler_solid_without_edges_that_images_show_is_not_refined_beside_an_accepted_one(accepted, faces, refined):
+    edge = ShownEdge(np.zeros((4, 3)), 0.05, 40, 0.001)
+    rival, asked = replace(judged(6, accepted=accepted), shown=(edge,)), []
+    one = replace(search(), rival=rival)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("brepgaussian.brep.search.size", lambda a: a.verdict.faces)
+        patch.setattr("brepgaussian.brep.search.polish", lambda *a: asked.append(a) or judged(faces))
+        found = one._polished(attempt("support", faces=faces), None, None)
+    assert len(asked) == refined
+    assert bool(found.report.get("accepted")) == bool(refined)

@@ -58,6 +58,14 @@ def test_edges_of_no_fillet_are_compared_roughly():
     assert lost_edges(solid(beside), [edge(CORNER)]) == 1
 
 
+@pytest.mark.parametrize(("off", "lost"), [(0.02, 0), (0.03, 1)])
+def test_edges_of_a_solid_that_is_not_refined_may_lie_beside_their_places(off, lost):
+    """Ten pixels of slack and the .012 that edges may be off by: beyond .022 no refinement finds the edge."""
+    beside = CORNER + np.array([0, 0, off])
+    assert lost_edges(solid(beside), [edge(CORNER, arc=False)]) == 1
+    assert lost_edges(solid(beside), [edge(CORNER, arc=False)], slack_px=10) == lost
+
+
 def test_edges_that_are_not_shown_cannot_be_lost():
     assert lost_edges(solid(CORNER), known((ARC, 0.8))) == 0
 

@@ -22,6 +22,8 @@ _MORE_POINTS = 0.02  # or of all points that it explains besides,
 _MENDED = 0.9  # of all objections that are left by a change that adds none
 _CALMED = 0.25  # of the displaced area that is left by a change that tells why it was
 _CHANCE = 1.0  # but for so many limits, or few places,
+_FAR = 4.0  # limits and as many times the badness of another solid beyond which no rebuilding helps
+_UNREFINED_PX = 12.0  # by which edges lie off at most where a solid is not refined yet: the widest search
 _NO_WORSE = 1.05  # times the badness, if the images hardly tell the two apart
 
 
@@ -32,7 +34,7 @@ def against(new: Polished, old: Polished, settings: BrepSettings, smooth: Collec
     """
     one, other = new.report, old.report
     if one.get("silhouette_px") is None or one.get("mask_iou") is None:
-        return "it cannot be judged"
+        return str(one.get("refinement_fault") or "it cannot be judged")
     lost = lost_edges(new.attempt.verdict.structure, old.shown, smooth)
     if lost:
         return f"{lost} edges that the images show are not edges of it"
@@ -46,6 +48,17 @@ def against(new: Polished, old: Polished, settings: BrepSettings, smooth: Collec
     else:
         less |= badness(one, settings) > badness(other, settings)
     return f"the images agree less ({one['silhouette_px']:.3f} px, IoU {one['mask_iou']:.5f})" if less else ""
+
+
+def forlorn(new: Attempt, old: Polished, smooth: Collection[int] = ()) -> str:
+    """What the images will have against a simpler solid, whatever its refinement comes to; empty if that is open."""
+    lost = lost_edges(new.verdict.structure, old.shown, smooth, _UNREFINED_PX)
+    return f"{lost} edges that the images show are far from all of its edges" if lost else ""
+
+
+def beyond_hope(old: Polished | None, settings: BrepSettings) -> float:
+    """Badness of a refined solid from which none comes that is taken in the place of another one."""
+    return math.inf if old is None else _FAR * (1 + badness(old.report, settings))
 
 
 def _slack(report: Mapping[str, Any]) -> float:

@@ -49,11 +49,12 @@ class Polished:
     off: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
 
-def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views) -> Polished:
+def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views, hopeless: float = np.inf) -> Polished:
     """Refine the surfaces of a solid against the images, rebuild it, and judge the result by the images.
 
     Where the rebuilt solid has another topology (faces that touch in a point join or part), it is refined
-    once more. Nothing that goes wrong here costs the solid that there is.
+    once more. Nothing that goes wrong here costs the solid that there is. What is refused with a `hopeless` badness
+    once it is refined is not built again.
     """
     from brepgaussian.brep.refine import acceptance, refine
 
@@ -77,7 +78,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
             if best is None:
                 notes = {"refined": False, "refinement": details | _tables(result.before)}
                 best = _polished(attempt, notes, structure, result.before, job, footprint)
-            if not result.report["kept"]:
+            if not result.report["kept"] or _is_hopeless(result, hopeless, settings):
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
             if isinstance(rebuilt, str):
@@ -97,6 +98,11 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views)
         best.report["refinement_fault"] = str(error)
     assert best is not None
     return best
+
+
+def _is_hopeless(result: Any, hopeless: float, settings: BrepSettings) -> bool:
+    """Whether a refinement leaves so much to object to that no other solid of the same surfaces makes up for it."""
+    return not result.accepted and badness(_figures(result.acceptance), settings) > hopeless
 
 
 def _polished(

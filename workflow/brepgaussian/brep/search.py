@@ -8,7 +8,7 @@ import numpy as np
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import Shape, against, leaves_points, shape_of, short_of, size
+from brepgaussian.brep.judgement import Shape, against, beyond_hope, forlorn, leaves_points, shape_of, short_of, size
 from brepgaussian.brep.polish import Polished, badness, outlined, polish
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
@@ -38,6 +38,7 @@ class Search:
         others: jobs of other explanations of the same points, tried where the images or the points want another solid.
         tried: the attempts of this explanation, in order; beside: those of the others, for the report.
         polished: refined solids by the shape that they came from.
+        rival: the best solid of other explanations, which this one has to beat.
     """
 
     worker: Worker
@@ -48,6 +49,7 @@ class Search:
     tried: list[Attempt] = field(default_factory=list)
     beside: list[Attempt] = field(default_factory=list)
     polished: dict[Shape, Polished] = field(default_factory=dict)
+    rival: Polished | None = None
 
     def run(self) -> Polished | None:
         """The best solid, judged by the images where there are some; None if no rung gives one fit to publish."""
@@ -82,7 +84,7 @@ class Search:
                 break
             if best is not None and _hopeless(job, best):
                 continue
-            search = Search(self.worker, job, self.budget, self.views)
+            search = Search(self.worker, job, self.budget, self.views, rival=best)
             found = search._first(_OTHERS_RUNGS)
             self.beside += [replace(t, rung=f"afresh {t.rung}") for t in search.tried]
             fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
@@ -203,9 +205,18 @@ class Search:
         assert self.views is not None
         shape = shape_of(attempt)
         if shape not in self.polished:
-            self.budget.refined()
-            self.polished[shape] = polish(self.worker, self.job, self._rung(attempt.rung), attempt, self.views)
+            self.polished[shape] = self._polished(attempt, self._rung(attempt.rung), self.views)
         return self.polished[shape]
+
+    def _polished(self, attempt: Attempt, rung: Rung, views: Views) -> Polished:
+        """An attempt refined, unless the images will prefer the rival whatever comes of it."""
+        lost = ""
+        if self.rival is not None and self.rival.report.get("accepted") and size(attempt) < size(self.rival.attempt):
+            lost = forlorn(attempt, self.rival)
+        if lost:
+            return Polished(attempt, {"refined": False, "refinement_fault": lost})
+        self.budget.refined()
+        return polish(self.worker, self.job, rung, attempt, views, beyond_hope(self.rival, self.job.settings))
 
     def _best_judged(self) -> Polished | None:
         """A solid that the images accepted while rungs were tried."""

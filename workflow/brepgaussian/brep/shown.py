@@ -46,10 +46,10 @@ class ShownEdge:
         """Whether the images know to a fraction of a pixel where it is."""
         return self.arc and self.px < _SURE_PX and self.count >= _SEEN
 
-    def is_on(self, edges: cKDTree) -> bool:
-        """Whether another solid, by samples of its sharp edges, has it."""
+    def is_on(self, edges: cKDTree, slack_px: float = 0.0) -> bool:
+        """Whether another solid, by samples of its sharp edges that lie off by no more than `slack_px`, has it."""
         reach, share = (self.footprint, _MOSTLY) if self.is_sure else (_SAME_EDGE, _HALF)
-        return bool(np.mean(edges.query(self.line)[0] <= reach) >= share)
+        return bool(np.mean(edges.query(self.line)[0] <= reach + slack_px * self.footprint) >= share)
 
 
 def shown_edges(
@@ -108,7 +108,9 @@ def _is_step(row: Mapping[str, Any]) -> bool:
     return row["interior_px"] is not None and row["interior_px"] < SHOWN_PX
 
 
-def lost_edges(structure: Structure | None, known: Sequence[ShownEdge], smooth: Collection[int] = ()) -> int:
+def lost_edges(
+    structure: Structure | None, known: Sequence[ShownEdge], smooth: Collection[int] = (), slack_px: float = 0.0
+) -> int:
     """Number of edges that the images show and a solid lacks.
 
     Args:
@@ -116,6 +118,7 @@ def lost_edges(structure: Structure | None, known: Sequence[ShownEdge], smooth: 
         known: that the images show.
         smooth: surfaces of another solid that are one smooth face in this one. Light grows over a fillet, and some
             step is found beside every line in it: one counts only where images know it to a fraction of a pixel.
+        slack_px: by how much edges of the solid may lie beside their places.
     """
     known = [e for e in known if e.px < _SURE_PX or not set(e.surfaces) <= set(smooth)]
     edges = [] if structure is None else structure.edges
@@ -123,4 +126,4 @@ def lost_edges(structure: Structure | None, known: Sequence[ShownEdge], smooth: 
     if not sharp:
         return len(known)
     tree = cKDTree(np.concatenate(sharp))
-    return sum(not edge.is_on(tree) for edge in known)
+    return sum(not edge.is_on(tree, slack_px) for edge in known)

@@ -13,7 +13,20 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.facets import facets_as_fillets, lone_facets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import Shape, against, as_good, bears, calms, in_doubt, mends, shape_of, short_of, size
+from brepgaussian.brep.judgement import (
+    Shape,
+    against,
+    as_good,
+    bears,
+    beyond_hope,
+    calms,
+    forlorn,
+    in_doubt,
+    mends,
+    shape_of,
+    short_of,
+    size,
+)
 from brepgaussian.brep.mistaken import mistaken
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
@@ -279,6 +292,7 @@ class Trials:
         """Why changes are refused, or what they lead to."""
         job, before = applied(self.job, changes), self.best.attempt.verdict
         fault, known = "", set[Shape]()
+        smooth = {i for change in changes if change.smooth for i in change.gone}
         for rung in _rungs(self.rung, job):
             self.left.solids -= 1
             try:
@@ -298,11 +312,13 @@ class Trials:
                 fault = "the points are explained less"
             elif _off(verdict, before, job.settings):
                 fault = "silhouettes are off by far"
+            elif simpler and (lost := forlorn(attempt, self.best, smooth)):
+                fault = lost
             else:
                 self.left.refined()
-                polished = polish(self.worker, job, rung, attempt, self.views)
+                worst = beyond_hope(self.best, job.settings)
+                polished = polish(self.worker, job, rung, attempt, self.views, worst)
                 known |= {shape} if polished.report.get("refined") else set()
-                smooth = {i for change in changes if change.smooth for i in change.gone}
                 fault = (
                     against(polished, self.best, job.settings, smooth)
                     if simpler
