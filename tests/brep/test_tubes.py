@@ -7,8 +7,8 @@ import pytest
 from brepgaussian.artifacts.primitives import Primitive
 from brepgaussian.brep import assemble
 from brepgaussian.brep.job import Job, Rung
-from brepgaussian.brep.patches import make_patches
-from brepgaussian.brep.tubes import even_tubes
+from brepgaussian.brep.patches import make_patches, supported
+from brepgaussian.brep.tubes import bent_tubes, even_tubes
 from brepgaussian.geometry.surfaces import cylinder, plane, torus, unit
 from brepgaussian.primitives.relations import RESIDUALS
 from brepgaussian.settings.brep import BrepSettings
@@ -96,3 +96,54 @@ def test_a_bore_and_a_rod_are_not_one_pipe(kit):
     patches = rod(kit, 1.6 * NOISE, seed=4)
     bore = replace(patches[1], surface=replace(patches[1].surface, flipped=True))
     assert even_tubes([patches[0], bore, *patches[2:]], NOISE)[1] is bore
+
+
+def mislabelled(patches, wrong=0.03):
+    """Patches of a rod of whose lower leg the bend has all points but those that look to one side, and a torus that
+    is wider for it; labels of the other leg begin late."""
+    bend, leg, other, *ends = patches
+    mine = (leg.normals @ X > 0.7) | (leg.xyz[:, 2] < CENTRE[2] - 0.6 * LEG)
+    late = other.xyz[:, 0] > CENTRE[0] + 0.2 * LEG
+    xyz = np.concatenate([bend.xyz, leg.xyz[~mine], other.xyz[~late]])
+    normals = np.concatenate([bend.normals, leg.normals[~mine], other.normals[~late]])
+    ring = torus(CENTRE + wrong * (X - Z), Y, RING + wrong, TUBE - 2 * NOISE)
+    pieces = [(leg, mine), (other, late)]
+    return [
+        supported(bend, ring, xyz, normals),
+        *(supported(p, p.surface, p.xyz[m], p.normals[m]) for p, m in pieces),
+        *ends,
+    ]
+
+
+@pytest.mark.parametrize(("wrong", "seed"), [(0.02, 6), (-0.02, 7), (0.0, 8)])
+def test_a_bend_that_has_points_of_its_pipe_is_tangent_to_it_and_gives_them_back(kit, wrong, seed):
+    patches = mislabelled(rod(kit, seed=seed), wrong)
+    bend, leg, other, *ends = bent_tubes(patches, NOISE)
+    assert bend.surface.radius == pytest.approx(RING, abs=5 * NOISE)
+    np.testing.assert_allclose(bend.surface.origin, CENTRE, atol=5 * NOISE)
+    for piece in (leg, other):
+        assert np.abs(RESIDUALS["bend"](piece.surface, bend.surface)).max() < 1e-12
+    assert (leg.xyz[:, 2] < CENTRE[2] + 5 * NOISE).all()
+    assert len(leg.xyz) == pytest.approx(4000, rel=0.05)
+    assert sum(len(p.xyz) for p in (bend, leg, other)) == sum(len(p.xyz) for p in patches[:3])
+    verdict = built([bend, leg, other, *ends])
+    assert (verdict.faces, verdict.doubts) == (5, ())
+
+
+def test_a_bore_that_bends_stays_one(kit):
+    patches = [replace(p, surface=p.surface.flip()) for p in mislabelled(rod(kit, seed=9))]
+    assert all(p.surface.flipped for p in bent_tubes(patches, NOISE)[:3])
+
+
+@pytest.mark.parametrize("spoil", ["labels", "beside", "step", "bore"])
+def test_a_bend_whose_labels_are_right_or_that_is_no_pipes_stays(kit, spoil):
+    patches = rod(kit, seed=10) if spoil == "labels" else mislabelled(rod(kit, seed=10))
+    leg = patches[1].surface
+    leg = {
+        "labels": leg,
+        "beside": replace(leg, origin=leg.origin + 0.02 * Y),
+        "step": replace(leg, radius=leg.radius * 1.05),
+        "bore": leg.flip(),
+    }[spoil]
+    patches[1] = replace(patches[1], surface=leg)
+    assert all(new is old for new, old in zip(bent_tubes(patches, NOISE), patches, strict=True))

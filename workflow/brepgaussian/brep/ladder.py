@@ -30,7 +30,7 @@ from brepgaussian.brep.structure import CONVEX, Structure
 from brepgaussian.brep.symmetry import symmetric
 from brepgaussian.brep.tangents import cleared, tangent_walls
 from brepgaussian.brep.tidy import tidy
-from brepgaussian.brep.tubes import even_tubes
+from brepgaussian.brep.tubes import bent_tubes, even_tubes
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError, StageError
 from brepgaussian.geometry.surfaces import Surface
@@ -110,10 +110,11 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with rolled fillets, flat cones and short arcs as planes, coplanar faces, even pipes, without skins,
-    smooth fillets, planes for curved walls, what symmetries carry, straight profiles, grooves, planes clear of what
-    they touch.
+    """The job with bends tangent to pipes, rolled fillets, flat cones and short arcs as planes, coplanar faces, even
+    pipes, without skins, smooth fillets, planes for curved walls, what symmetries carry, straight profiles, grooves,
+    planes clear of what they touch.
     """
+    yield from _changed(job, bent_tubes(job.patches, sigma))
     yield from rolled(job, sigma)
     yield from _with_changes(job, flattened(job.patches))
     yield from _with_changes(job, unbent(job.patches))
