@@ -37,6 +37,7 @@ from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
 from brepgaussian.primitives.afresh import alternatives
 from brepgaussian.primitives.stage import primitives_of
+from brepgaussian.primitives.unclaimed import with_unclaimed
 from brepgaussian.settings.brep import BrepSettings
 from brepgaussian.settings.primitives import PrimitivesSettings
 
@@ -87,8 +88,8 @@ def _job(
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Iterable[Points] = ()) -> Iterator[Job]:
-    """Jobs of all primitives, of other explanations of the points, of other labellings and what explains these, and
-    afresh.
+    """Jobs of all primitives, of other explanations of the points, with surfaces for points that have none, of other
+    labellings and what explains these, and afresh.
     """
     every = _job(points, primitives, job.silhouettes, job.settings, poor_too=True)
     poor_too = len(every.patches) > len(job.patches)
@@ -98,6 +99,9 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
     if poor_too:
         yield from _explanations(every, primitives.sigma)
     settings = PrimitivesSettings()
+    more = with_unclaimed(points, primitives, settings)
+    if more is not None:
+        yield _job(points, more, job.silhouettes, job.settings)
     for number, labelled in enumerate(labellings, 1):
         other = primitives_of(labelled, settings)
         relabelled = replace(_job(labelled, other, job.silhouettes, job.settings), labelling=number)

@@ -77,13 +77,13 @@ def alternatives(points: Points, primitives: Primitives, settings: PrimitivesSet
         settings: of the stage.
     """
     cloud = make_cloud(points, settings.neighbours)
-    patches = _patches(primitives, cloud)
+    patches = patches_of(primitives, cloud)
     if not patches:
         return
-    noise = _noise(patches, primitives.sigma, settings)
+    noise = noise_of(patches, primitives.sigma, settings)
     seen: set[tuple[tuple[str, int], ...]] = set()
     for choice in CHOICES:
-        dubious = _dubious(patches, cloud, noise, choice.rounds)
+        dubious = dubious_of(patches, cloud, noise, choice.rounds)
         sure = [p for i, p in enumerate(patches) if i not in dubious]
         if not dubious or not sure:
             continue
@@ -94,10 +94,11 @@ def alternatives(points: Points, primitives: Primitives, settings: PrimitivesSet
             continue
         seen.add(key)
         snapped, relations = regularise(found, cloud, noise, settings)
-        yield Primitives(tuple(_primitive(p, cloud) for p in snapped), relations, primitives.sigma)
+        yield Primitives(tuple(primitive_of(p, cloud) for p in snapped), relations, primitives.sigma)
 
 
-def _patches(primitives: Primitives, cloud: Cloud) -> list[Patch]:
+def patches_of(primitives: Primitives, cloud: Cloud) -> list[Patch]:
+    """The patches of a stage's primitives."""
     return [
         Patch((p.label,), np.sort(p.support), p.surface, *spreads(p.surface, cloud, p.support))
         for p in primitives.items
@@ -105,7 +106,7 @@ def _patches(primitives: Primitives, cloud: Cloud) -> list[Patch]:
     ]
 
 
-def _noise(patches: Sequence[Patch], distance: float, settings: PrimitivesSettings) -> Noise:
+def noise_of(patches: Sequence[Patch], distance: float, settings: PrimitivesSettings) -> Noise:
     """The noise of the points; that of the normals is the patch's that holds the middle point, never nought."""
     order = sorted(patches, key=lambda p: p.turn)
     total = np.cumsum([len(p.members) for p in order])
@@ -113,12 +114,13 @@ def _noise(patches: Sequence[Patch], distance: float, settings: PrimitivesSettin
     return Noise(max(distance, settings.sigma_floor), max(turn, TURN_FLOOR))
 
 
-def _primitive(patch: Patch, cloud: Cloud) -> Primitive:
+def primitive_of(patch: Patch, cloud: Cloud) -> Primitive:
+    """A patch as the stage writes it."""
     rms = patch.surface.rms(cloud.xyz[patch.members])
     return Primitive(patch.surface, patch.labels[0], patch.members, rms)
 
 
-def _dubious(patches: Sequence[Patch], cloud: Cloud, noise: Noise, rounds: bool) -> list[int]:
+def dubious_of(patches: Sequence[Patch], cloud: Cloud, noise: Noise, rounds: bool) -> list[int]:
     """Indices of patches that are small or fit badly; if not `rounds`, of small and little bent ones."""
     few = SURE_SHARE * sum(len(p.members) for p in patches)
     turns = [np.pi if p.surface.kind == "plane" else turn_of(p.surface, cloud.xyz[p.members]) for p in patches]
@@ -148,8 +150,8 @@ def _afresh(
     typical = np.repeat([p.rms for p in dubious], [len(p.members) for p in dubious])
     limit = REACH * max(float(np.median(typical)), noise.distance)
     own = [Candidate(p.surface.kind, p.surface, None) for p in dubious]
-    left = _nearest([p.surface for p in sure], xyz, normals, limit) < 0
-    found = _surfaces(own, guides, choice, xyz[left], normals[left], limit, settings)
+    left = nearest([p.surface for p in sure], xyz, normals, limit) < 0
+    found = surfaces_of(own, guides, choice, xyz[left], normals[left], limit, settings)
     owner = _settled(found, sure, xyz, normals, limit, settings)
     result = []
     for k, patch in enumerate(sure):
@@ -164,7 +166,7 @@ def _afresh(
     return result
 
 
-def _nearest(surfaces: Sequence[Surface], xyz: Array, normals: Array, limit: float) -> Indices:
+def nearest(surfaces: Sequence[Surface], xyz: Array, normals: Array, limit: float) -> Indices:
     """(N,) index of the surface that explains each point best by distance and angle, -1 for none."""
     best, owner = np.full(len(xyz), np.inf), np.full(len(xyz), -1, np.int64)
     for i, surface in enumerate(surfaces):
@@ -186,16 +188,16 @@ def _settled(
     """(N,) owner of each point, sure patches first; `found` is fitted to what it owns, in place."""
     fixed = [p.surface for p in sure]
     for _ in range(ROUNDS):
-        owner = _nearest([*fixed, *(c.surface for c in found)], xyz, normals, limit)
+        owner = nearest([*fixed, *(c.surface for c in found)], xyz, normals, limit)
         for k, candidate in enumerate(found):
             mine = owner == k + len(fixed)
             fitted = _fitted(candidate, xyz[mine], normals[mine], limit, settings)
             if fitted is not None:
                 found[k] = replace(candidate, surface=fitted)
-    return _nearest([*fixed, *(c.surface for c in found)], xyz, normals, limit)
+    return nearest([*fixed, *(c.surface for c in found)], xyz, normals, limit)
 
 
-def _surfaces(
+def surfaces_of(
     own: list[Candidate],
     guides: Known,
     choice: Choice,

@@ -12,7 +12,7 @@ from brepgaussian.brep.refine.parameters import COUNT, derivative, difference, p
 from brepgaussian.brep.refine.samples import pose_rows
 from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.refine.visibility import CREASE, KINDS, OCCLUDING, SILHOUETTE, Seen
-from brepgaussian.brep.structure import CONCAVE, Structure
+from brepgaussian.brep.structure import CONCAVE, Edge, Structure
 from brepgaussian.geometry.cameras import Cameras
 from brepgaussian.geometry.fit_robust import MAD_TO_SIGMA, TUKEY
 from brepgaussian.geometry.rows import distinct
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 _REWEIGHTINGS = 4  # per linearisation
 # Errors that the samples of one edge have in common, px: display curve, shading, what lies behind.
 _BIAS = {SILHOUETTE: 0.002, CREASE: 0.02, OCCLUDING: 0.05}
+_LOWEST = 0.02  # sine of the angle between two faces whose crease is as low as any
 _CONCAVE_BIAS = 0.4  # light between two faces shifts concave edges by a quarter to half a pixel
 _ROW_SIGMA = 1e-7  # of constraints (radians, unit frame): as good as exact beside 1e-5 from the images
 TONES = 2
@@ -105,7 +106,7 @@ def step(
     problem = _Problem(state, seen, found, used, start, cameras, size, free_poses)
     fixed, target = _fixed_rows(state, prior, start, size, rows, free_poses)
     offset = residuals(seen, found, state.tone)[used]
-    sigma, bias = found.sigma[used], _biases(seen, structure)[used]
+    sigma, bias = found.sigma[used], _biases(seen, structure, state.surfaces)[used]
     kind, group = seen.kind[used], seen.rays.group[used]
     delta, matrix = np.zeros(size), fixed
     for _ in range(_REWEIGHTINGS):
@@ -129,11 +130,25 @@ def step(
     )
 
 
-def _biases(seen: Seen, structure: Structure) -> Array:
-    """(R,) px, error that all samples of an edge may have in common."""
-    concave = np.array([e.convexity == CONCAVE for e in structure.edges] + [False] * len(structure.faces))
+def _biases(seen: Seen, structure: Structure, surfaces: Sequence[Surface]) -> Array:
+    """(R,) px, error that all samples of an edge may have in common.
+
+    What else changes the light beside a crease shifts its step by more, the lower that step is.
+    """
+    faces = len(structure.faces)
+    concave = np.array([e.convexity == CONCAVE for e in structure.edges] + [False] * faces)
+    heights = np.array([_height(e, surfaces) for e in structure.edges] + [1.0] * faces)
     common = np.array([_BIAS[k] for k in range(len(KINDS))])[seen.kind]
+    common = common / np.where(seen.kind == CREASE, heights[seen.rays.group], 1.0)
     return np.where(concave[seen.rays.group] & (seen.kind != SILHOUETTE), _CONCAVE_BIAS, common)
+
+
+def _height(edge: Edge, surfaces: Sequence[Surface]) -> float:
+    """Sine of the angle between the two faces at an edge, in the median along it; 1 where one of them is no surface."""
+    if min(edge.surfaces) < 0:
+        return 1.0
+    one, other = (surfaces[i].normals(edge.polyline) for i in edge.surfaces)
+    return max(float(np.median(np.linalg.norm(np.cross(one, other), axis=1))), _LOWEST)
 
 
 def _capped(weight: Array, group: NDArray, kind: NDArray, bias: Array) -> Array:
