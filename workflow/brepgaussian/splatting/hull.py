@@ -19,6 +19,7 @@ from brepgaussian.splatting.concave import (
     open_concavities,
     open_corners,
     open_curved,
+    open_grooves,
     open_notches,
     open_onward,
     open_recesses,
@@ -152,6 +153,7 @@ def carve(
             prisms += notches + more + recesses + wider
             volume = refilled(images, uncut, cornered, volume, prisms)
             volume, prisms = open_onward(images, volume, prisms)
+            volume = open_grooves(images, volume, prisms)
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)
             if volume is not before:

@@ -10,6 +10,7 @@ from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities, open_curved, open_onward
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.find import find_prisms
+from brepgaussian.splatting.concave.grooves import open_grooves
 from brepgaussian.splatting.concave.notches import open_notches
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
@@ -28,6 +29,7 @@ __all__ = [
     "open_concavities",
     "open_corners",
     "open_curved",
+    "open_grooves",
     "open_notches",
     "open_onward",
     "open_recesses",
