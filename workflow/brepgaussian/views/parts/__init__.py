@@ -170,6 +170,8 @@ PARTS: dict[str, PartInfo] = {
     "tube_clamp": PartInfo("drilled", "a bore that a slit opens, a counterbored screw hole across it", HOLDOUT),
     "wheel_hub": PartInfo("drilled", "a stepped hub, a notch across its bore, a counterbore from below", HOLDOUT),
     "rod_end": PartInfo("drilled", "an eye between flats on a round shank, a blind bore in that", HOLDOUT),
+    "ring_housing": PartInfo("drilled", "a groove around a bore", TUNED),
+    "seal_carrier": PartInfo("drilled", "a groove around the bore of a flange", HOLDOUT),
 }
 
 

@@ -148,3 +148,20 @@ def rod_end(s: Sizes) -> Part:
     body += turn((0, -long), (shank - edge, -long), (shank, edge - long), (shank, 0), (0, 0))
     body -= Rot(0, 90, 0) * Cylinder(pin, BEYOND)
     return body - Pos(0, 0, -long) * Cylinder(shank * 0.5, s(14, 0.1), align=BOTTOM)
+
+
+def ring_housing(s: Sizes) -> Part:
+    """A block with a bore, and a groove for a ring around that."""
+    length, width, high, bore = s(50), s(44), s(22), s(13)
+    body = Box(length, width, high, align=BOTTOM) - Cylinder(bore, BEYOND)
+    groove, deep = s(4), s(2.4)
+    return body - Pos(0, 0, high * 0.6) * Cylinder(bore + deep, groove, align=BOTTOM)
+
+
+def seal_carrier(s: Sizes) -> Part:
+    """A flange with four holes and a chamfered neck, a groove for a seal around its bore."""
+    rim, thick, neck, top, bore, edge = s(26), s(7), s(18), s(20), s(12, 0.05), s(1.5)
+    body = turn((bore, 0), (rim, 0), (rim, thick), (neck, thick), (neck, top - edge), (neck - edge, top), (bore, top))
+    for k in range(4):
+        body -= Rot(0, 0, 90 * k) * Pos((rim + neck) / 2, 0, 0) * Cylinder(s(2, 0.0), BEYOND)
+    return body - Pos(0, 0, top * 0.6) * Cylinder(bore + s(2.2, 0.1), s(4), align=BOTTOM)
