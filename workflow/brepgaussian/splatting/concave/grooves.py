@@ -44,6 +44,7 @@ _SAME = 0.9998  # cosine of the angle between axes of one bore
 _LEAST_RAYS = 200  # that tell
 # Of the rays' disagreement that is left at most: .55 to .77 measured, for most rays tell of no groove.
 _GAIN = 0.85
+_AS_WELL = 1.0  # standard errors: depths that rays like alike, near the best one
 _SHIFTS = np.arange(-3, 4)  # cells by which a rim may lie beside where views differ most
 _MOST_LOST = 0.01  # of the contours' rays through a groove that it may leave with nothing
 _REACH_VOXELS = 4.0  # around a groove in which the field follows it
@@ -178,14 +179,14 @@ def _best(images: Images, hull: Volume, scene: Scene, spans: Sequence[Groove], p
         return None
     depths = np.geomspace(_LEAST_VOXELS * hull.spacing, _DEEPEST * wall.radius, _DEPTHS)
     span = max(spans, key=lambda s: max(asked.gain(replace(s, depth=float(depth))) for depth in depths))
-    groove = asked.least_deep(span, depths)
+    groove = asked.least_deep(span, depths, SURE)
     if not _believed(images, scene, groove, asked):
         return None
     shallower = depths[max(int(np.searchsorted(depths, groove.depth)) - 1, 0)]
     for rim in ("top", "bottom"):
         shifted = [replace(groove, **{rim: getattr(groove, rim) + float(k) * pitch}) for k in _SHIFTS]
         groove = max(shifted, key=asked.gain)
-    return asked.least_deep(groove, np.linspace(shallower, groove.depth, _FINER))
+    return asked.least_deep(groove, np.linspace(shallower, groove.depth, _FINER), _AS_WELL)
 
 
 @dataclass(frozen=True)
@@ -209,11 +210,14 @@ class _Asked:
         after = self.after(groove)
         return float((self.before[0] - after[0])[self.before[1] & after[1]].sum())
 
-    def least_deep(self, span: Groove, depths: Array) -> Groove:
-        """A groove as deep as needed: as floor and sides have one grey, no more rays contradict a deeper one."""
+    def least_deep(self, span: Groove, depths: Array, sure: float) -> Groove:
+        """The least deep groove that rays like as well as any, to some standard errors.
+
+        As floor and sides have one grey, no more rays contradict a deeper one.
+        """
         grooves = [replace(span, depth=float(depth)) for depth in depths]
         most = self.after(max(grooves, key=self.gain))
-        return next(g for g in grooves if self.rays.advantage(self.after(g), most) <= SURE)
+        return next(g for g in grooves if self.rays.advantage(self.after(g), most) <= sure)
 
 
 def _believed(images: Images, scene: Scene, groove: Groove, asked: _Asked) -> bool:
