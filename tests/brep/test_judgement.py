@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.judgement import against, bears, beyond_hope, calms, in_doubt, leaves_points, mends, short_of
+from brepgaussian.brep.judgement import (
+    against,
+    bears,
+    beyond_hope,
+    calms,
+    completes,
+    in_doubt,
+    leaves_points,
+    mends,
+    short_of,
+)
 from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
@@ -102,3 +112,21 @@ def test_an_accepted_solid_gets_what_explains_displaced_places(after, px, taken)
     assert in_doubt(old, settings)
     assert calms(new, old, settings) == taken
     assert not in_doubt(old | {"displaced": settings.accept_displaced / 2}, settings)
+
+
+@pytest.mark.parametrize(
+    ("after", "px", "places", "accepted", "taken"),
+    [
+        (0.0, 1.5, 0, True, True),  # few samples know the edges of one more rounded corner
+        (9.0, 1.5, 0, True, False),
+        (0.0, 1.5, 400, True, False),
+        (0.0, 1.5, 0, False, False),
+        (25.0, 0.05, 0, True, True),  # as good
+        (None, 1.5, 0, True, False),
+    ],
+)
+def test_a_corner_that_explains_displaced_places_need_not_fit_as_other_edges_do(after, px, places, accepted, taken):
+    settings = BrepSettings()
+    old = refused([0.05], iou=0.9996) | {"accepted": True, "displaced": 25.0, "silhouette_px": 0.05}
+    new = refused([px], places, iou=0.9996) | {"accepted": accepted, "displaced": after, "silhouette_px": px}
+    assert completes(new, old, settings) == taken

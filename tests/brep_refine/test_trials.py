@@ -132,7 +132,7 @@ def test_one_solid_of_two_rungs_is_refined_once(part, monkeypatch):
 
     asked = []
 
-    def refined(worker, job, rung, attempt, views):
+    def refined(worker, job, rung, attempt, views, *_):
         asked.append(rung.name)
         return Polished(attempt, {"accepted": False, "refined": True, "silhouette_px": 0.5, "mask_iou": 0.99})
 

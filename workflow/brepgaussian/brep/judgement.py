@@ -1,7 +1,7 @@
 """What the images have against one solid in the place of another."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from brepgaussian.brep.job import Attempt
@@ -93,7 +93,7 @@ def bears(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings
     after, before = objections(new, settings), objections(old, settings)
     if not after or len(after) != len(before):  # not known of one of them
         return False
-    return all(one <= _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
+    return _no_more(after, before)
 
 
 def in_doubt(report: Mapping[str, Any], settings: BrepSettings) -> bool:
@@ -103,11 +103,30 @@ def in_doubt(report: Mapping[str, Any], settings: BrepSettings) -> bool:
 
 def calms(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
     """Whether nothing much is displaced any more of an accepted solid, and nothing else is worse."""
+    return _is_calmer(new, old) and bears(new, old, settings)
+
+
+def completes(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
+    """Whether the images accept both solids, and one no less than the other; or nothing much is displaced any more.
+
+    Then masks and places may be no worse; edges may: those of a corner like its neighbours' are few samples.
+    """
+    if as_good(new, old, settings):
+        return True
+    after, before = objections(new, settings)[1:], objections(old, settings)[1:]
+    return _is_calmer(new, old) and len(after) == len(before) > 0 and _no_more(after, before)
+
+
+def _is_calmer(new: Mapping[str, Any], old: Mapping[str, Any]) -> bool:
+    """Whether the images accept both solids, and nothing much of what is displaced of the second is so of the first."""
     accepted = bool(new.get("accepted")) and bool(old.get("accepted"))
     before, after = old.get("displaced"), new.get("displaced")
-    if not accepted or before is None or after is None:
-        return False
-    return after < _CALMED * before and bears(new, old, settings)
+    return accepted and before is not None and after is not None and after < _CALMED * before
+
+
+def _no_more(after: Sequence[float], before: Sequence[float]) -> bool:
+    """Whether no objection has grown by more than chance."""
+    return all(one <= _NO_WORSE * other + _CHANCE for one, other in zip(after, before, strict=True))
 
 
 def as_good(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:

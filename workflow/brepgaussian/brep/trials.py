@@ -20,6 +20,7 @@ from brepgaussian.brep.judgement import (
     bears,
     beyond_hope,
     calms,
+    completes,
     forlorn,
     in_doubt,
     mends,
@@ -157,7 +158,7 @@ class Trials:
     def _completed(self) -> None:
         """Try all corners of a pocket rounded where some are: images hardly tell, so they only have to bear it."""
         for _ in range(_MOST_RADII):
-            if not self.best.report.get("accepted") or not self._filleted(completed, as_good):
+            if not self.best.report.get("accepted") or not self._filleted(completed, completes):
                 break
 
     def _rolled(self) -> None:
