@@ -8,6 +8,7 @@ from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.polish import Polished, badness, in_limits, wrong_masks
 from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE
 from brepgaussian.brep.refine.agreement import PLACE_AREA_PX2
+from brepgaussian.brep.refine.descent import WINDOWS
 from brepgaussian.brep.shown import lost_edges
 from brepgaussian.brep.simplify import complexity
 from brepgaussian.settings.brep import BrepSettings
@@ -23,7 +24,7 @@ _MENDED = 0.9  # of all objections that are left by a change that adds none
 _CALMED = 0.25  # of the displaced area that is left by a change that tells why it was
 _CHANCE = 1.0  # but for so many limits, or few places,
 _FAR = 4.0  # limits and as many times the badness of another solid beyond which no rebuilding helps
-_UNREFINED_PX = 12.0  # by which edges lie off at most where a solid is not refined yet: the widest search
+_UNREFINED_PX = WINDOWS[0][0]  # by which edges lie off at most where a solid is not refined yet: the widest search
 _NO_WORSE = 1.05  # times the badness, if the images hardly tell the two apart
 
 

@@ -76,11 +76,7 @@ def alternatives(points: Points, primitives: Primitives, settings: PrimitivesSet
         primitives: of the stage.
         settings: of the stage.
     """
-    cloud = make_cloud(points, settings.neighbours)
-    patches = patches_of(primitives, cloud)
-    if not patches:
-        return
-    noise = noise_of(patches, primitives.sigma, settings)
+    cloud, patches, noise = taken_up(points, primitives, settings)
     seen: set[tuple[tuple[str, int], ...]] = set()
     for choice in CHOICES:
         dubious = dubious_of(patches, cloud, noise, choice.rounds)
@@ -97,17 +93,21 @@ def alternatives(points: Points, primitives: Primitives, settings: PrimitivesSet
         yield Primitives(tuple(primitive_of(p, cloud) for p in snapped), relations, primitives.sigma)
 
 
-def patches_of(primitives: Primitives, cloud: Cloud) -> list[Patch]:
-    """The patches of a stage's primitives."""
-    return [
+def taken_up(points: Points, primitives: Primitives, settings: PrimitivesSettings) -> tuple[Cloud, list[Patch], Noise]:
+    """The points, the patches of a stage's primitives, and the noise of these."""
+    cloud = make_cloud(points, settings.neighbours)
+    patches = [
         Patch((p.label,), np.sort(p.support), p.surface, *spreads(p.surface, cloud, p.support))
         for p in primitives.items
         if len(p.support)
     ]
+    return cloud, patches, _noise(patches, primitives.sigma, settings)
 
 
-def noise_of(patches: Sequence[Patch], distance: float, settings: PrimitivesSettings) -> Noise:
+def _noise(patches: Sequence[Patch], distance: float, settings: PrimitivesSettings) -> Noise:
     """The noise of the points; that of the normals is the patch's that holds the middle point, never nought."""
+    if not patches:
+        return Noise(max(distance, settings.sigma_floor), TURN_FLOOR)
     order = sorted(patches, key=lambda p: p.turn)
     total = np.cumsum([len(p.members) for p in order])
     turn = order[int(np.searchsorted(total, total[-1] / 2))].turn

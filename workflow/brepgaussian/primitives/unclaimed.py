@@ -21,14 +21,13 @@ from brepgaussian.primitives.afresh import (
     Choice,
     dubious_of,
     nearest,
-    noise_of,
-    patches_of,
     primitive_of,
     surfaces_of,
+    taken_up,
 )
 from brepgaussian.primitives.candidates import TURN
 from brepgaussian.primitives.guided import known
-from brepgaussian.primitives.patches import Cloud, Indices, Patch, islands, make_cloud, spreads
+from brepgaussian.primitives.patches import Cloud, Indices, Patch, islands, spreads
 from brepgaussian.primitives.regularise import regularise, state_of
 from brepgaussian.settings.primitives import PrimitivesSettings
 
@@ -46,11 +45,7 @@ def with_unclaimed(points: Points, primitives: Primitives, settings: PrimitivesS
         primitives: of the stage.
         settings: of the stage.
     """
-    cloud = make_cloud(points, settings.neighbours)
-    patches = patches_of(primitives, cloud)
-    if not patches:
-        return None
-    noise = noise_of(patches, primitives.sigma, settings)
+    cloud, patches, noise = taken_up(points, primitives, settings)
     members = _unclaimed(patches, cloud)
     dubious = dubious_of(patches, cloud, noise, rounds=True)
     sure = [p for i, p in enumerate(patches) if i not in dubious]

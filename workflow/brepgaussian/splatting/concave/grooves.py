@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import Rays, rays_near
+from brepgaussian.splatting.concave.agreement import Rays, mean_cost, rays_near
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.ends import is_straight
 from brepgaussian.splatting.concave.join import throat
@@ -24,6 +24,7 @@ from brepgaussian.splatting.concave.prism import Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import SURE, Costs
 from brepgaussian.splatting.concave.shoulders import is_round
+from brepgaussian.splatting.concave.turned import Axis
 from brepgaussian.splatting.concave.volume import Volume
 
 Array = NDArray[np.float64]
@@ -84,20 +85,20 @@ class Groove:
 
     def signed_distance(self, points: Array, within: float) -> Array:
         """(N,) distances of points (N, 3) from the groove, which reaches into the bore by `within`; negative inside."""
-        radius, height = self._cylindrical(points)
+        radius, height = self.axis.cylindrical(points)
         spans = ((radius, self.radius - within, self.radius + self.depth), (height, self.top, self.bottom))
         off = np.column_stack([np.abs(value - (low + high) / 2) - (high - low) / 2 for value, low, high in spans])
         return np.asarray(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0))
 
     def is_at_wall(self, points: Array, slack: float) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) are on the wall that closes it."""
-        radius, height = self._cylindrical(points)
+        radius, height = self.axis.cylindrical(points)
         return np.asarray((np.abs(radius - self.radius) < slack) & (height > self.top) & (height < self.bottom))
 
-    def _cylindrical(self, points: Array) -> tuple[Array, Array]:
-        offset = points - self.middle
-        height = offset @ self.down
-        return np.linalg.norm(offset - height[:, None] * self.down, axis=1), height
+    @property
+    def axis(self) -> Axis:
+        """Of the bore, heights from its mouth."""
+        return Axis(self.middle, self.down)
 
 
 def open_grooves(images: Images, hull: Volume, known: Sequence[Prism]) -> Volume:
@@ -138,7 +139,7 @@ def _bores(known: Sequence[Prism], tolerance: float) -> list[Groove]:
 
 def _is_one(bore: Groove, other: Groove, tolerance: float) -> bool:
     """Whether two bores have one axis and one width, and one is in the other."""
-    radius, height = other._cylindrical(bore.wall(np.array([bore.bottom / 2]))[0].reshape(-1, 3))
+    radius, height = other.axis.cylindrical(bore.wall(np.array([bore.bottom / 2]))[0].reshape(-1, 3))
     alike = abs(float(bore.down @ other.down)) > _SAME and np.abs(radius - other.radius).max() < tolerance
     return bool(alike and (height > 0).all() and (height < other.bottom).all())
 
@@ -224,7 +225,7 @@ def _believed(images: Images, scene: Scene, groove: Groove, asked: _Asked) -> bo
     """Whether rays agree much better on a groove, and silhouettes don't need what was there."""
     before, after = asked.before, asked.after(groove)
     both = before[1] & after[1]
-    old, new = (float(costs[0][both].mean()) if both.any() else 0.0 for costs in (before, after))
+    old, new = (mean_cost((costs[0], both)) for costs in (before, after))
     sure = asked.rays.advantage(before, after)
     chords = chords_in(scene, *images.contour_rays)
     lost = lost_share(chords, groove.signed_distance(chords.samples(), 0.0) < 0)
