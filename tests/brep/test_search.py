@@ -179,3 +179,45 @@ def test_a_simpler_solid_without_edges_that_images_show_is_not_refined_beside_an
         found = one._polished(attempt("support", faces=faces), None, None)
     assert len(asked) == refined
     assert bool(found.report.get("accepted")) == bool(refined)
+
+
+class Rungs:
+    """Builds a solid of another shape on every rung, which leaves out some patches of few points."""
+
+    def __init__(self, *left_out):
+        self.left_out = iter(left_out)
+
+    def call(self, function, arguments, limit_s):
+        gone = next(self.left_out)
+        made = attempt(arguments[1].name, tuple(0.0 if k in gone else 1.0 for k in range(4)), faces=6 + len(gone))
+        doubts = tuple(f"patch {k} is explained to 0%" for k in sorted(gone))
+        return replace(
+            made, verdict=replace(made.verdict, doubts=doubts, explained_all=0.99, volume=next(self.volumes))
+        )
+
+    volumes = iter(np.linspace(0.1, 0.9, 100))
+
+
+@pytest.mark.parametrize(
+    ("left_out", "refined"),
+    [
+        ([{2}, {2}, {2}, set()], 1),  # the last one has no doubts: it is chosen
+        ([{2, 3}, {3}, {2, 3}, set()], 2),  # fewer are left out than of what was refused
+        ([{2}, {3}, {2, 3}, set()], 2),  # others are
+        ([{2}, {2}, {0}, set()], 1),  # not so few points
+    ],
+)
+def test_solids_that_leave_out_what_a_refused_one_did_are_not_refined(monkeypatch, left_out, refined):
+    patches = tuple(SimpleNamespace(xyz=np.zeros((n, 3)), caps=()) for n in (500, 480, 10, 10))
+    job = Job(patches, (), np.zeros((0, 3)), (0,), None, BrepSettings())
+    one, asked = replace(search(), worker=Rungs(*left_out), job=job, views=SimpleNamespace()), []
+
+    def polished(worker, job, rung, found, *_):
+        asked.append(found)
+        return Polished(found, {"accepted": False, "silhouette_px": 3.0, "mask_iou": 0.9})
+
+    monkeypatch.setattr("brepgaussian.brep.search.polish", polished)
+    one._ladder = [SimpleNamespace(name=f"rung {k}") for k in range(len(left_out))]
+    one._climb(to_the_end=False)
+    assert len(one.tried) == len(left_out)
+    assert len(asked) == refined

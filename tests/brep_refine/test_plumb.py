@@ -1,20 +1,23 @@
 """Floors of pockets whose depth is off, rendered with their walls' light: how deep all rays place them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from brepgaussian.brep.patches import Patch, with_floor
 from brepgaussian.brep.refine import from_solid, refine
 from brepgaussian.brep.refine.observe import prepare, whole_images
+from brepgaussian.brep.refine.parallax import Displaced
 from brepgaussian.brep.refine.pits import floors, pit_of
 from brepgaussian.brep.refine.plumb import deeper, plumbed
+from brepgaussian.brep.refine.refinement import _more_amiss
 from brepgaussian.brep.structure import extract
 from brepgaussian.geometry.surfaces import cylinder, plane
 from brepgaussian.settings.brep import BrepSettings
 from brepgaussian.views.truth import transformed
 from build123d import Align, Box, Cylinder, Pos, Rot
-from refine_support import asked_of, surfaces_of, views_of
+from refine_support import asked_of, start_of, surfaces_of, views_of
 
 LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 HIGH, LONG, DEEP = 20, 50, 8
@@ -100,6 +103,17 @@ def test_the_refinement_moves_a_floor_there(tmp_path):
     level = min(surfaces_of(truth), key=lambda s: np.abs(s.signed_distance(_corners(result.mesh, floor))).max())
     assert result.accepted
     assert np.abs(level.signed_distance(_corners(result.mesh, floor))).max() < 0.2 * views.cameras.footprint()
+
+
+def test_floors_are_asked_only_where_nothing_else_lies_elsewhere():
+    solid = block() - pocket(DEEP)
+    structure, mesh, _, _ = start_of(solid.wrapped, surfaces_of(solid.wrapped), 3)
+    (floor,), settings = floors(mesh, structure), BrepSettings()
+    run = SimpleNamespace(mesh=mesh, structure=structure)
+    for face in range(len(structure.faces)):
+        areas = np.where(np.arange(len(structure.faces)) == face, 2 * settings.accept_displaced, 0.0)
+        assert _more_amiss(run, Displaced(areas, None), settings) == (face != floor)
+        assert not _more_amiss(run, Displaced(areas / 4, None), settings)
 
 
 def test_the_walls_of_a_floor_that_is_moved_up_end_there():

@@ -1,7 +1,10 @@
 """Depths as observations of surfaces."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from brepgaussian.brep.refine import descent
 from brepgaussian.brep.refine.parameters import COUNT, update
 from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.structure import Face, Structure
@@ -60,6 +63,28 @@ def test_many_soundings_are_no_surer_than_what_they_have_in_common():
     soundings = Soundings(np.zeros(5000, np.int64), points, np.full(5000, 1e-4), np.full(5000, bias))
     matrix, _ = soundings.normal([plane(np.full(3, 0.5), [0, 0, 1.0])], np.array([0, 3]), 3, np.zeros(3))
     assert matrix[2, 2] ** -0.5 == pytest.approx(bias, rel=1e-3)
+
+
+@pytest.mark.parametrize(("ratio", "rounds"), [(0.5, 5), (0.95, 2), (2.0, 2)])
+def test_depths_are_told_again_while_that_settles(monkeypatch, ratio, rounds):
+    told = []
+
+    class Moving(SimpleNamespace):
+        def displaced(self):
+            return SimpleNamespace(depths=None)
+
+    def descend(run, ties, windows, free, places):
+        told.append(run.at)
+        step = 0.003 * ratio ** len(told)
+        return Moving(**vars(run) | {"at": run.at + step, "mesh": run.at + step}), None
+
+    monkeypatch.setattr(descent, "descend", descend)
+    monkeypatch.setattr(descent, "largest_move", lambda before, after: after - before)
+    monkeypatch.setattr(descent.Soundings, "of", lambda *_: None)
+    cameras = SimpleNamespace(footprint=lambda: FOOTPRINT)
+    run = Moving(at=0.0, mesh=0.0, structure=None, views=SimpleNamespace(cameras=cameras))
+    descent.sounded(run, run.displaced(), [], False)
+    assert len(told) == rounds  # .003 / 2^5 is below .0001, or the second move is no smaller
 
 
 def test_a_conical_pocket_is_mended_by_parallax(tmp_path):

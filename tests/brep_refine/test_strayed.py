@@ -23,7 +23,8 @@ def verdict(area: float, face: int, px: float = 0.02) -> Acceptance:
         np.array([[0, 0, 0, face]]), np.zeros((1, 3)), np.array([[0, 0, 1.0]]),
         np.array([3.0 if area else 0.0]), np.array([0.1]), np.array([True]),
     )  # fmt: skip
-    return Acceptance(px, 0.9999, 0.0, False, displaced=Displaced(area, depths))
+    areas = np.where(np.arange(6) == face, area, 0.0)
+    return Acceptance(px, 0.9999, 0.0, False, displaced=Displaced(areas, depths))
 
 
 def test_a_held_surface_is_trusted_more_than_its_neighbours():

@@ -101,8 +101,13 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
 
 
 def _is_hopeless(result: Any, hopeless: float, settings: BrepSettings) -> bool:
-    """Whether a refinement leaves so much to object to that no other solid of the same surfaces makes up for it."""
-    return not result.accepted and badness(_figures(result.acceptance), settings) > hopeless
+    """Whether a refinement leaves so much to object to that no other solid of the same surfaces makes up for it.
+
+    What lies elsewhere is one of these; between solids it doesn't count, for of worse ones it isn't known.
+    """
+    figures = _figures(result.acceptance)
+    displaced = in_limits(figures["displaced"] or 0.0, settings.accept_displaced)
+    return not result.accepted and badness(figures, settings) + max(displaced - 1, 0.0) > hopeless
 
 
 def _polished(

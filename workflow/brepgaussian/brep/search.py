@@ -1,5 +1,6 @@
 """The search for the solid that the points and the images like best: rungs of the ladder, then simpler solids."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -153,20 +154,33 @@ class Search:
         return len(shapes) > _SAME_ENOUGH and len(set(shapes[-_SAME_ENOUGH - 1 :])) == 1
 
     def _promising(self, attempt: Attempt) -> bool:
-        """Whether the images may settle what doubts there are: all of them are about patches of few points."""
+        """Whether the images may settle what doubts there are: all of them are about patches of few points.
+
+        Where they have refused a solid that leaves out no more than these patches, they refuse others that do, too.
+        """
         verdict = attempt.verdict
         if self.views is None or not self.job.settings.refine or attempt.shape is None or verdict.hints:
             return False
-        return bool(verdict.doubts) and self._about_few(verdict)
+        few = bool(verdict.doubts) and self._about_few(verdict)
+        return few and not any(self._low(refused) <= self._low(verdict) for refused in self._refused())
+
+    def _refused(self) -> list[Verdict]:
+        """Of the solids that the images have refused."""
+        known = [(t.verdict, self.polished.get(shape_of(t))) for t in self.tried if t.shape is not None]
+        return [verdict for verdict, polished in known if polished and not polished.report.get("accepted")]
+
+    def _low(self, verdict: Verdict) -> frozenset[int]:
+        """Patches of which a solid explains too little."""
+        low = np.array(verdict.explained[: len(self.job.patches)]) < self.job.settings.gate_explained
+        return frozenset(np.flatnonzero(low).tolist())
 
     def _about_few(self, verdict: Verdict) -> bool:
         """Whether all doubts are about patches of few points."""
         settings = self.job.settings
         if verdict.iou is not None and verdict.iou < settings.gate_iou:
             return False
-        sizes = np.array([len(p.xyz) for p in self.job.patches], float)
-        low = np.array(verdict.explained[: len(sizes)]) < settings.gate_explained
-        return bool(sizes[low].sum() <= _SMALL * sizes.sum())
+        sizes = [len(p.xyz) for p in self.job.patches]
+        return sum(sizes[k] for k in self._low(verdict)) <= _SMALL * sum(sizes)
 
     def _hardly_doubted(self, best: Polished) -> bool:
         """Whether nothing speaks against a solid, or a few points do and the images don't.
@@ -216,7 +230,9 @@ class Search:
         if lost:
             return Polished(attempt, {"refined": False, "refinement_fault": lost})
         self.budget.refined()
-        return polish(self.worker, self.job, rung, attempt, views, beyond_hope(self.rival, self.job.settings))
+        known = [*([] if self.rival is None else [self.rival]), *self.polished.values()]
+        hopeless = min((beyond_hope(p, self.job.settings) for p in known), default=math.inf)
+        return polish(self.worker, self.job, rung, attempt, views, hopeless)
 
     def _best_judged(self) -> Polished | None:
         """A solid that the images accepted while rungs were tried."""

@@ -19,6 +19,7 @@ from brepgaussian.splatting.concave import (
     open_concavities,
     open_corners,
     open_curved,
+    open_feet,
     open_grooves,
     open_notches,
     open_onward,
@@ -143,6 +144,7 @@ def carve(
         if concavities:
             planes = _planes(faces)
             volume, notches = open_notches(images, volume, planes)
+            volume = open_feet(images, volume, planes)
             uncut, volume = volume, open_corners(images, volume, planes)
             cornered = volume
             volume, more, bends = open_concavities(images, volume, planes, flat)

@@ -29,6 +29,7 @@ _WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _SOUNDINGS = 8  # rounds with depths, each of which halves what is left of the error,
 _STILL = 1e-4  # unit frame, a twentieth of a pixel: until no vertex moves by more
+_SETTLING = 0.9  # of a round's largest move is that of the next, or there is more amiss than depths
 
 
 @dataclass
@@ -96,15 +97,18 @@ def descend(
 def sounded(run: Run, found: Displaced, ties: Sequence[Tie], free_poses: bool) -> Run:
     """The solid with its surfaces also through the places whose depth parallax tells.
 
-    Greys are linear in a surface's error only nearly: depths are told again until nothing moves.
+    Greys are linear in a surface's error only nearly: depths are told again until nothing moves, or moves do not
+    shrink: what no depth of its faces explains has another shape.
     """
+    last = np.inf
     for _ in range(_SOUNDINGS):
         places = Soundings.of(found.depths, run.structure, run.views.cameras.footprint())
         before = run
         run, _ = descend(run, ties, WINDOWS[-1:], free_poses, places)
-        if largest_move(before.mesh, run.mesh) < _STILL:
+        move = largest_move(before.mesh, run.mesh)
+        if move < _STILL or move > _SETTLING * last:
             break
-        found = run.displaced()
+        last, found = move, run.displaced()
     return run
 
 

@@ -24,12 +24,17 @@ class Displaced:
     """Places that surely lie elsewhere.
 
     Attributes:
-        area: of the largest connected ones on a face, px^2.
+        areas: (F,) of the largest connected ones on each face, px^2.
         depths: of all places that were asked.
     """
 
-    area: float
+    areas: Array
     depths: Depths
+
+    @property
+    def area(self) -> float:
+        """Of the largest connected ones on a face, px^2."""
+        return float(self.areas.max(initial=0))
 
     @property
     def misfit(self) -> float:
@@ -49,4 +54,4 @@ def displaced(scene: Scene, structure: Structure, shown: Shown, poses: Array) ->
     """Where a solid's faces surely lie elsewhere; arguments as for `disagreement`."""
     found = depths(looks(scene, structure, shown, poses, _STRIDE_PX), shown.views.cameras.footprint(), shown.tolerance)
     areas = largest_areas(found.places[found.off], len(structure.faces))
-    return Displaced(float(areas.max(initial=0)) * PLACE_PX**2, found)
+    return Displaced(np.asarray(PLACE_PX**2 * areas, float), found)

@@ -14,7 +14,9 @@ from brepgaussian.brep.refine.constraints import Tie
 from brepgaussian.brep.refine.descent import WINDOWS, Run, descend, largest_move, move_structure, sounded
 from brepgaussian.brep.refine.mesh import FaceMesh, follow
 from brepgaussian.brep.refine.observe import prepare, whole_images
+from brepgaussian.brep.refine.parallax import Displaced
 from brepgaussian.brep.refine.parameters import recentre
+from brepgaussian.brep.refine.pits import floors as floors_of
 from brepgaussian.brep.refine.plumb import plumbed, soundings_of
 from brepgaussian.brep.refine.regularity import given, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
@@ -207,8 +209,10 @@ def _plumbed(
     run: Run, after: Acceptance, ties: Sequence[Tie], freed: bool, settings: BrepSettings
 ) -> tuple[Run, Acceptance, frozenset[int]]:
     """The solid, its test, and the floors that were moved to where all rays into their pits place them."""
+    if after.displaced is None or _more_amiss(run, after.displaced, settings):
+        return run, after, frozenset()
     floors = plumbed(run.scene, run.structure, whole_images(run.views), run.images.noise, run.state.poses)
-    if not floors or after.displaced is None:
+    if not floors:
         return run, after, frozenset()
     footprint = run.views.cameras.footprint()
     places = Soundings.of(after.displaced.depths, run.structure, footprint).joined(soundings_of(floors, footprint))
@@ -223,6 +227,12 @@ def _plumbed(
     other, _ = descend(free, ties, WINDOWS[-1:], freed, places)
     verdict = other.test(settings)
     return (other, verdict, frozenset(floors)) if _no_worse(verdict, after) else (run, after, frozenset())
+
+
+def _more_amiss(run: Run, displaced: Displaced, settings: BrepSettings) -> bool:
+    """Whether more lies elsewhere than is accepted of faces that are no floors: where these lie does not mend it."""
+    others = np.delete(displaced.areas, floors_of(run.mesh, run.structure))
+    return bool(others.max(initial=0.0) > settings.accept_displaced)
 
 
 def _strayed(found: _Solved) -> frozenset[int]:

@@ -9,6 +9,7 @@ show the floor. See `docs/splatting.md`.
 from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities, open_curved, open_onward
 from brepgaussian.splatting.concave.corners import open_corners
+from brepgaussian.splatting.concave.feet import open_feet
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.grooves import open_grooves
 from brepgaussian.splatting.concave.notches import open_notches
@@ -29,6 +30,7 @@ __all__ = [
     "open_concavities",
     "open_corners",
     "open_curved",
+    "open_feet",
     "open_grooves",
     "open_notches",
     "open_onward",

@@ -74,13 +74,13 @@ def spots(
     near = _NEIGHBOUR_CELLS * cell
     # silhouettes may have opened the middle of a hole, so that its border is in pieces
     reaches = (near, max(near, _APART_WIDTHS * least_width))
-    groups = [group for reach in reaches for group in _connected(core_places, reach)[:_MOST_SPOTS]]
+    groups = [group for reach in reaches for group in connected(core_places, reach)[:_MOST_SPOTS]]
     for members in {group.tobytes(): group for group in groups}.values():
         found.append(spot_around(core_places[members], scene, cell, pitch))
     return [spot for spot in found if spot is not None]
 
 
-def _connected(points: Array, reach: float) -> list[NDArray[np.int64]]:
+def connected(points: Array, reach: float) -> list[NDArray[np.int64]]:
     """Indices of the points that hang together, largest group first."""
     if len(points) < _LEAST_PLACES:
         return []

@@ -1,0 +1,80 @@
+"""Corners around the feet of round bosses, against plates whose bosses are known."""
+
+import numpy as np
+import pytest
+from brepgaussian.splatting.concave import Images, Plane, open_feet
+from brepgaussian.splatting.concave.feet import _circle
+from brepgaussian.splatting.concave.volume import Volume
+from build123d import Box, Cylinder, Pos, fillet
+from rendered import rendered
+
+SIDE, THICK, RADIUS, TALL = 40.0, 6.0, 8.0, 10.0  # of a square plate and of the boss on it, mm; it fills the unit frame
+CELLS = 128
+AT = np.array([3.0, -2.0])  # of the boss
+UP = np.array([0, 0, 1.0])
+LOW = -(THICK + TALL) / 2  # of the plate; the part's middle lies in the unit frame's
+
+
+def part(foot: float):
+    """A plate with a boss, with a fillet of a radius around its foot."""
+    solid = Box(SIDE, SIDE, THICK) + Pos(*AT, (THICK + TALL) / 2) * Cylinder(RADIUS, TALL)
+    if foot:
+        at = THICK / 2
+        ring = [e for e in solid.edges() if abs(e.center().Z - at) < 1e-6 and abs(e.length - 2 * np.pi * RADIUS) < 1e-3]
+        solid = fillet(ring, foot)
+    return solid
+
+
+def hull(skirt: float) -> Volume:
+    """The same with a cone around the foot, as wide as high."""
+    places = (np.stack(np.meshgrid(*[np.arange(CELLS + 1) / CELLS] * 3, indexing="ij"), axis=-1) - 0.5) * SIDE
+    x, y, z = np.moveaxis(places, -1, 0)
+    around, height = np.hypot(x - AT[0], y - AT[1]), z - (LOW + THICK)
+    plate = np.minimum(np.minimum(SIDE / 2 - np.abs(x), SIDE / 2 - np.abs(y)), np.minimum(z - LOW, -height))
+    boss = np.minimum(np.minimum(RADIUS - around, TALL - height), z - LOW)
+    cone = np.minimum((RADIUS + skirt - around - height) / np.sqrt(2), z - LOW)
+    solid = np.maximum(plate, np.maximum(boss, cone) if skirt else boss)
+    return Volume((solid / SIDE).astype(np.float32), np.zeros(3), 1 / CELLS)
+
+
+def cut(views, skirt: float) -> np.ndarray:
+    """(N, 2) places that are emptied, mm: distance from the boss's axis and height above the plate."""
+    before = hull(skirt)
+    top = Plane(UP, 0.5 + (LOW + THICK) / SIDE)
+    after = open_feet(Images.of(views, 0.0), before, [top, Plane(-UP, -(0.5 + LOW / SIDE))])
+    gone = (np.argwhere((before.field > 0) & (after.field <= 0)) / CELLS - 0.5) * SIDE
+    return np.column_stack([np.linalg.norm(gone[:, :2] - AT, axis=1), gone[:, 2] - LOW - THICK])
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory):
+    return rendered(tmp_path_factory.mktemp("foot"), part(0.0), 40, 500)[0]
+
+
+@pytest.mark.parametrize("skirt", [2.0, 3.5])
+def test_a_skirt_around_a_foot_is_cut(views, skirt):
+    gone, voxel = cut(views, skirt), SIDE / CELLS
+    assert gone[:, 0].min() > RADIUS - 1.5 * voxel
+    assert gone[:, 1].min() > -1.5 * voxel
+    inside = gone[:, 0] + gone[:, 1] < RADIUS + skirt  # all of the cone
+    assert inside.sum() == pytest.approx(np.pi * skirt**2 * (RADIUS + skirt / 3) / voxel**3, rel=0.25)
+
+
+def test_a_bare_foot_has_none(views):
+    assert len(cut(views, 0.0)) == 0
+
+
+def test_a_foot_with_a_fillet_keeps_it(tmp_path):
+    views, _ = rendered(tmp_path, part(3.0), 40, 500)
+    assert len(cut(views, 2.5)) == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_circle_is_fitted_in_spite_of_what_lies_beside_it(seed):
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0, 2 * np.pi, 300)
+    ring = 0.2 * np.column_stack([np.cos(angle), np.sin(angle)]) + rng.normal(0, 0.001, (300, 2))
+    skirt = ring[:120] * rng.uniform(1.05, 1.3, (120, 1))
+    middle, radius = _circle(np.concatenate([ring, skirt]) + np.array([0.4, 0.6]), 0.005)
+    np.testing.assert_allclose(middle, [0.4, 0.6], atol=0.001)
+    assert radius == pytest.approx(0.2, abs=0.001)

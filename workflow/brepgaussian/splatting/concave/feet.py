@@ -1,0 +1,161 @@
+"""Feet of round bosses: corners between a boss and the face that it stands on.
+
+Where few cameras look along that face, as below a plate, no silhouette shows the corner, and a hull fills it with a
+skirt. Further up the boss's wall is bare, and tells where the wall goes on below.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.contours import chords_in, lost_share
+from brepgaussian.splatting.concave.curved import connected
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.planes import Plane
+from brepgaussian.splatting.concave.prism import plane_axes
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.turned import Axis
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.mesh import vertex_normals
+
+Array = NDArray[np.float64]
+
+_UPRIGHT = 0.2  # cosine between a wall's normal and the face's: 12 degrees from square
+_ON_VOXELS = (
+    1.0  # from a circle, on which a wall's vertex lies on it; and from the face, above which walls are looked for
+)
+_NEAR_VOXELS = 2.5  # vertices of one wall
+_OUTWARD = 0.9  # cosine between a wall's normal and the ray from its axis: no bore, no flat beside a round wall
+_ROUND = 0.3  # of a wall's vertices lie on its circle; the others are its skirt's,
+_ALL_AROUND = 0.6  # and all about its axis
+_ANGLES = 72  # about an axis, at which a skirt is looked for
+_BARE = 0.2  # of these, at most, at which something stands on a face: there the skirt ends
+_LEAST_RING = 2  # voxels that a skirt is wide
+_WIDEST = 1.0  # radii of the boss; what is wider is no skirt
+_MOST_LOST = 0.01  # of the contours' rays through a ring that it may leave with nothing
+_GAIN = 0.75  # as for an opening; of true corners .32 to .37 of the disagreement was left
+_LEAST_RAYS = 200
+_REACH_VOXELS = 0.5  # rays on which a ring changes less than this don't judge it
+_AROUND_VOXELS = 4.0  # around a ring in which the field follows it
+_REWEIGHTINGS = 15
+
+logger = log.get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class Boss:
+    """A round boss.
+
+    Attributes:
+        axis: from the face that it stands on outward; heights are above that face.
+        radius: of its wall; height: up to which the wall is seen.
+    """
+
+    axis: Axis
+    radius: float
+    height: float
+
+    def around(self, radii: Array, heights: Array) -> Array:
+        """(R, A, H, 3) places about the axis, at radii (R,) and heights (H,)."""
+        first, second = plane_axes(self.axis.direction)
+        angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
+        out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+        rings = self.axis.through + radii[:, None, None] * out
+        return np.asarray(rings[:, :, None] + heights[:, None] * self.axis.direction)
+
+    def signed_distance(self, points: Array, width: float) -> Array:
+        """(N,) distances of points (N, 3) from a ring around the foot, as high as the wall; negative inside."""
+        radius, height = self.axis.cylindrical(points)
+        spans = ((radius, self.radius, self.radius + width), (height, 0.0, self.height))
+        off = np.column_stack([np.abs(value - (low + high) / 2) - (high - low) / 2 for value, low, high in spans])
+        return np.asarray(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0))
+
+
+def open_feet(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
+    """Carve the corners around the feet of round bosses.
+
+    Args:
+        images: of all views.
+        hull: what silhouettes leave, faces flattened.
+        planes: of its faces.
+    """
+    scene = None
+    for boss in [boss for plane in planes for boss in _bosses(hull, plane)]:
+        width = _skirt(hull, boss)
+        if width < _LEAST_RING * hull.spacing:
+            continue
+        scene = scene or hull.scene()
+        opened = _without(hull, boss, width)
+        after = opened.scene()
+        if _believed(images, scene, after, boss, width, hull.spacing):
+            hull, scene = opened, after
+    return hull
+
+
+def _bosses(hull: Volume, plane: Plane) -> list[Boss]:
+    """The round bosses that stand on a plane."""
+    vertices, triangles = hull.mesh()
+    normals, height = vertex_normals(vertices, triangles), vertices @ plane.normal - plane.offset
+    wall = np.flatnonzero((height > _ON_VOXELS * hull.spacing) & (np.abs(normals @ plane.normal) < _UPRIGHT))
+    axes = np.column_stack(plane_axes(plane.normal))  # (3, 2)
+    found = []
+    for group in connected(vertices[wall], _NEAR_VOXELS * hull.spacing):
+        members = wall[group]
+        flat, facing = vertices[members] @ axes, normals[members] @ axes
+        middle, radius = _circle(flat, hull.spacing)
+        arm = flat - middle
+        away = np.linalg.norm(arm, axis=1)
+        outward = np.einsum("ni,ni->n", arm, facing) > _OUTWARD * away
+        on = outward & (np.abs(away - radius) < _ON_VOXELS * hull.spacing)
+        angles = np.arctan2(arm[on, 1], arm[on, 0])
+        around = np.count_nonzero(np.histogram(angles, _ANGLES // 2, (-np.pi, np.pi))[0]) / (_ANGLES // 2)
+        if on.mean() >= _ROUND and around >= _ALL_AROUND:
+            foot = plane.normal * plane.offset + axes @ middle
+            found.append(Boss(Axis(foot, plane.normal), radius, float(height[members[on]].max())))
+    return found
+
+
+def _circle(points: Array, scale: float) -> tuple[Array, float]:
+    """Middle (2,) and radius of the circle on which most of points (N, 2) lie, by reweighted least squares."""
+    terms = np.column_stack([2 * points, np.ones(len(points))])
+    square, weight = np.einsum("ni,ni->n", points, points), np.ones(len(points))
+    for _ in range(_REWEIGHTINGS):
+        found = np.linalg.lstsq(terms * weight[:, None], square * weight, rcond=None)[0]
+        middle, radius = found[:2], float(np.sqrt(max(found[2] + found[:2] @ found[:2], 0.0)))
+        off = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
+        weight = 1 / (1 + (off / max(float(np.median(off)), scale / 10)) ** 2)
+    return middle, radius
+
+
+def _skirt(hull: Volume, boss: Boss) -> float:
+    """How far about a boss something stands on its face nearly all around, unit frame; 0 if that goes on and on."""
+    spacing = hull.spacing
+    radii = boss.radius + spacing * np.arange(1, int(_WIDEST * boss.radius / spacing) + 1)
+    heights = np.arange(_ON_VOXELS * spacing, boss.height, spacing / 2)
+    places = boss.around(np.asarray(radii, float), np.asarray(heights, float))
+    inside = hull.inside(places.reshape(-1, 3)).reshape(places.shape[:3])
+    bare = np.flatnonzero(inside.any(axis=2).mean(axis=1) < _BARE)
+    return float(radii[bare[0]] - boss.radius) if len(bare) else 0.0
+
+
+def _without(hull: Volume, boss: Boss, width: float) -> Volume:
+    """The hull without a ring around a boss's foot."""
+    extent = boss.around(np.array([boss.radius + width]), np.array([0.0, boss.height])).reshape(-1, 3)
+    return hull.carved(extent, _AROUND_VOXELS * hull.spacing, lambda points: boss.signed_distance(points, width))
+
+
+def _believed(images: Images, scene: Scene, after: Scene, boss: Boss, width: float, spacing: float) -> bool:
+    """Whether views agree much better without a ring, and silhouettes don't need it."""
+    old, new, count = said = disagreements(images, scene, after, _REACH_VOXELS * spacing)
+    chords = chords_in(scene, *images.contour_rays)
+    lost = lost_share(chords, boss.signed_distance(chords.samples(), width) < 0)
+    good = better(said, _GAIN, _LEAST_RAYS, untold=False) and lost <= _MOST_LOST
+    logger.info(
+        "foot of a boss of radius %.4f, %.4f wide: views disagree by %.2f for %.2f of the hull, %d rays%s",
+        boss.radius, width, new, old, count, "" if good else ": not believed",
+    )  # fmt: skip
+    return good
