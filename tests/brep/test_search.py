@@ -9,7 +9,8 @@ from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.judgement import shape_of
 from brepgaussian.brep.polish import Polished, _left_out
-from brepgaussian.brep.search import Search, _beyond_doubt, _hopeless, _worse
+from brepgaussian.brep.rivals import beyond_doubt, hopeless, worse
+from brepgaussian.brep.search import Search
 from brepgaussian.brep.shown import ShownEdge
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import WorkerError, WorkerTimeout
@@ -84,26 +85,26 @@ def explanation(patches, left_out=0):
 
 
 def test_what_ends_the_search():
-    assert _beyond_doubt(judged(6), explanation(6))
-    assert _beyond_doubt(judged(6, on_solid=0.9), explanation(6))  # points that are off their own faces
-    assert not _beyond_doubt(judged(6, on_solid=0.9), explanation(6, left_out=2))  # fillets taken for skins
-    assert not _beyond_doubt(judged(6, doubts=("patch 3",)), explanation(6))
-    assert not _beyond_doubt(judged(6, accepted=False), explanation(6))
+    assert beyond_doubt(judged(6), explanation(6))
+    assert beyond_doubt(judged(6, on_solid=0.9), explanation(6))  # points that are off their own faces
+    assert not beyond_doubt(judged(6, on_solid=0.9), explanation(6, left_out=2))  # fillets taken for skins
+    assert not beyond_doubt(judged(6, doubts=("patch 3",)), explanation(6))
+    assert not beyond_doubt(judged(6, accepted=False), explanation(6))
 
 
 def test_a_solid_with_a_doubt_is_worth_explanations_of_as_many_surfaces():
-    assert _hopeless(explanation(7), judged(6))
-    assert not _hopeless(explanation(5), judged(6))
-    assert not _hopeless(explanation(7), judged(6, doubts=("patch 3",)))
-    assert not _hopeless(explanation(7), judged(6, on_solid=0.9))
+    assert hopeless(explanation(7), judged(6))
+    assert not hopeless(explanation(5), judged(6))
+    assert not hopeless(explanation(7), judged(6, doubts=("patch 3",)))
+    assert not hopeless(explanation(7), judged(6, on_solid=0.9))
 
 
 def test_a_solid_that_leaves_something_out_replaces_none_that_does_not():
     settings = BrepSettings()
-    assert "leaves out" in _worse(judged(5, doubts=("patch 3",)), judged(6), settings)
-    assert "no points" in _worse(judged(5, bare=0.06), judged(6, bare=0.03), settings)
+    assert "leaves out" in worse(judged(5, doubts=("patch 3",)), judged(6), settings)
+    assert "no points" in worse(judged(5, bare=0.06), judged(6, bare=0.03), settings)
     assert (
-        _worse(judged(5, doubts=("patch 3",)), judged(6, accepted=False), settings) == ""
+        worse(judged(5, doubts=("patch 3",)), judged(6, accepted=False), settings) == ""
     )  # the images refuse the other
 
 
@@ -136,7 +137,7 @@ def compared(second):
     one.others = (asked.append(k) or other for k in range(2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Search, "_first", lambda self, names: second)
-        patch.setattr("brepgaussian.brep.search._worse", lambda *_: "the images agree little better")
+        patch.setattr("brepgaussian.brep.search.worse", lambda *_: "the images agree little better")
         return one._against_others(first)[1], len(asked)
 
 
@@ -158,7 +159,7 @@ def doubted(few):
     one.others = (asked.append(k) or job for k in range(2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Search, "_first", lambda self, names: best)
-        patch.setattr("brepgaussian.brep.search._worse", lambda *_: "the images agree little better")
+        patch.setattr("brepgaussian.brep.search.worse", lambda *_: "the images agree little better")
         one._against_others(best)
     return len(asked)
 

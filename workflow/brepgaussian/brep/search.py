@@ -9,15 +9,15 @@ import numpy as np
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.job import Attempt, Job, Rung
-from brepgaussian.brep.judgement import Shape, against, beyond_hope, forlorn, leaves_points, shape_of, short_of, size
+from brepgaussian.brep.judgement import Shape, beyond_hope, forlorn, shape_of, size
 from brepgaussian.brep.polish import Polished, badness, outlined, polish
+from brepgaussian.brep.rivals import beyond_doubt, hopeless, same, worse
 from brepgaussian.brep.rungs import MENDING, rungs
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError, WorkerTimeout
 from brepgaussian.errors import BrepGaussianError
 from brepgaussian.log import get_logger
-from brepgaussian.settings.brep import BrepSettings
 
 _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the silhouettes
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
@@ -79,21 +79,19 @@ class Search:
         """
         winner: Search = self
         for job in self.others:
-            if self.budget.spent or (
-                best is not None and _beyond_doubt(best, winner.job) and not winner._doubted(best)
-            ):
+            if self.budget.spent or (best is not None and beyond_doubt(best, winner.job) and not winner._doubted(best)):
                 break
-            if best is not None and _hopeless(job, best):
+            if best is not None and hopeless(job, best):
                 continue
             search = Search(self.worker, job, self.budget, self.views, rival=best)
             found = search._first(_OTHERS_RUNGS)
             self.beside += [replace(t, rung=f"afresh {t.rung}") for t in search.tried]
-            fault = "there is no solid" if found is None else _worse(found, best, self.job.settings)
+            fault = "there is no solid" if found is None else worse(found, best, self.job.settings)
             kinds = " ".join(p.surface.kind for p in job.patches)
             get_logger("brep").info("afresh as %s: %s", kinds, fault or "taken")
-            if found is not None and best is not None and _same(found, best) and winner._hardly_doubted(best):
+            if found is not None and best is not None and same(found, best) and winner._hardly_doubted(best):
                 get_logger("brep").info("two explanations come to the same solid")
-                if _beyond_doubt(found, job) and self._badness(found) < self._badness(best):
+                if beyond_doubt(found, job) and self._badness(found) < self._badness(best):
                     winner, best = search, found
                 break
             if not fault:
@@ -189,7 +187,7 @@ class Search:
         will, too.
         """
         accepted = bool(best.report.get("accepted"))
-        return _beyond_doubt(best, self.job) or (accepted and self._about_few(best.attempt.verdict))
+        return beyond_doubt(best, self.job) or (accepted and self._about_few(best.attempt.verdict))
 
     def publishable(self) -> list[Attempt]:
         """Solids that beat the polyhedral fallback, doubts or not."""
@@ -231,8 +229,8 @@ class Search:
             return Polished(attempt, {"refined": False, "refinement_fault": lost})
         self.budget.refined()
         known = [*([] if self.rival is None else [self.rival]), *self.polished.values()]
-        hopeless = min((beyond_hope(p, self.job.settings) for p in known), default=math.inf)
-        return polish(self.worker, self.job, rung, attempt, views, hopeless)
+        worst = min((beyond_hope(p, self.job.settings) for p in known), default=math.inf)
+        return polish(self.worker, self.job, rung, attempt, views, worst)
 
     def _best_judged(self) -> Polished | None:
         """A solid that the images accepted while rungs were tried."""
@@ -280,42 +278,6 @@ class Search:
         refused = {note["changes"][0] for note in notes if note["fault"] and len(note["changes"]) == 1}
         rung = self._rung(best.attempt.rung)
         return Trials(self.worker, self.views, self.job, rung, best, left, notes, refused)
-
-
-def _beyond_doubt(best: Polished, job: Job) -> bool:
-    """Whether neither the points, those of patches that its job left out included, nor the images object to a solid."""
-    bare = bool(job.left_out) and leaves_points(best.attempt)
-    return best.report.get("accepted") is not False and not bare and not best.attempt.verdict.doubts
-
-
-def _same(new: Polished, best: Polished) -> bool:
-    """Whether the images accept both solids and they are one and the same, but for seams."""
-    accepted = bool(new.report.get("accepted") and best.report.get("accepted"))
-    (faces, _, *others), (known, _, *rest) = shape_of(new.attempt), shape_of(best.attempt)
-    return accepted and (faces, others) == (known, rest)
-
-
-def _hopeless(job: Job, best: Polished) -> bool:
-    """Whether an explanation with as many surfaces as faces of an accepted solid of all points is not worth a try."""
-    known = bool(best.report.get("accepted")) and not leaves_points(best.attempt) and not best.attempt.verdict.doubts
-    return known and len(job.patches) >= best.attempt.verdict.faces
-
-
-def _worse(new: Polished, old: Polished | None, settings: BrepSettings) -> str:
-    """Why another solid is not taken in the place of the present one."""
-    if old is None:
-        return ""
-    if not old.report or not new.report:  # no images: the points decide
-        return "" if new.attempt.verdict.score > old.attempt.verdict.score else "the points agree less"
-    if new.report.get("accepted") and not old.report.get("accepted"):
-        return ""  # of a solid that the images refuse, edges that they seem to show prove little
-    if new.attempt.verdict.doubts and not old.attempt.verdict.doubts:
-        return "it leaves out patches"
-    if new.attempt.verdict.bare > old.attempt.verdict.bare + settings.gate_bare:
-        return "more of its area has no points"
-    if size(new.attempt) < size(old.attempt):
-        return against(new, old, settings)
-    return short_of(new, old, settings)
 
 
 def _remarks(result: Attempt) -> str:
