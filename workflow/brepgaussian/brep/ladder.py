@@ -15,6 +15,7 @@ from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.coplanar import coplanar
 from brepgaussian.brep.fillets import rounded
+from brepgaussian.brep.flats import ends_of_flats
 from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import Patch, make_patches
@@ -114,11 +115,14 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with bends tangent to pipes, rolled fillets, flat cones and short arcs as planes, coplanar faces, even
-    pipes, without skins, smooth fillets, planes for curved walls, what symmetries carry, straight profiles, grooves,
-    planes clear of what they touch.
+    """The job with bends tangent to pipes, shoulders where flats on shafts end, rolled fillets, flat cones and short
+    arcs as planes, coplanar faces, even pipes, without skins, smooth fillets, planes for curved walls, what symmetries
+    carry, straight profiles, grooves, planes clear of what they touch.
     """
     yield from _changed(job, bent_tubes(job.patches, sigma))
+    ends = ends_of_flats(job.patches)
+    if ends:
+        yield replace(job, floors=(*job.floors, *ends))
     yield from rolled(job, sigma)
     yield from _with_changes(job, flattened(job.patches))
     yield from _with_changes(job, unbent(job.patches))

@@ -124,7 +124,7 @@ PARTS: dict[str, PartInfo] = {
     "tee_lever": PartInfo("fittings", "small chamfers that end in a boss and a pad", HOLDOUT),
     "union_nut": PartInfo("fittings", "a hexagon under a neck, a stepped bore with a conical seat", HOLDOUT),
     "motor_mount": PartInfo("mounts", "oblique slots with round ends, a low ring around a bore", HOLDOUT),
-    "spindle_nose": PartInfo("mounts", "a slender cone between steps, flats that end on a cylinder", HOLDOUT),
+    "spindle_nose": PartInfo("mounts", "a slender cone between steps, flats that end on a cylinder", TUNED),
     "lock_plate": PartInfo("mounts", "counterbores close to walls, a notch, one rounded corner", HOLDOUT),
     "stop_collar": PartInfo(
         "mounts", "a slit that cuts all but one face, a stepped hole through curved walls", HOLDOUT
@@ -172,6 +172,8 @@ PARTS: dict[str, PartInfo] = {
     "rod_end": PartInfo("drilled", "an eye between flats on a round shank, a blind bore in that", HOLDOUT),
     "ring_housing": PartInfo("drilled", "a groove around a bore", TUNED),
     "seal_carrier": PartInfo("drilled", "a groove around the bore of a flange", HOLDOUT),
+    "set_pin": PartInfo("mounts", "a flat between two shoulders on a pin, a cross hole", HOLDOUT),
+    "port_cover": PartInfo("mounts", "a boss below a cover", HOLDOUT),
 }
 
 

@@ -164,3 +164,24 @@ def latch_arm(s: Sizes) -> Part:
     nose = ((long / 2 - s(12), thick), (long / 2, thick), (long / 2, thick + s(5)), (long / 2 - s(9), thick + s(13)))
     body += extrude(Plane.XZ * Polygon(*nose, align=None), wide / 2, both=True)
     return body + Pos(-s(3), 0, thick) * Box(s(30), s(5, 0.1), s(6), align=BOTTOM)
+
+
+def set_pin(s: Sizes) -> Part:
+    """A headed pin with a flat for a set screw between its ends, and a cross hole near its tip."""
+    head, thick, shank, long = s(16), s(8), s(10), s(58)
+    body = turn((0, 0), (head, 0), (head, thick), (shank, thick), (shank, long), (0, long))
+    flat, start, run = s(7.5, 0.05), thick + s(12), s(18)
+    body -= Pos(flat + head, 0, start + run / 2) * Box(2 * head, BEYOND, run)
+    return body - Pos(0, 0, long - s(9)) * Rot(90, 0, 0) * Cylinder(s(3), BEYOND)
+
+
+def port_cover(s: Sizes) -> Part:
+    """A round cover with a bored boss underneath, off its middle, and two screw holes."""
+    rim, thick, boss, low, bore = s(32), s(8), s(13), s(10), s(8)
+    body = Cylinder(rim, thick, align=BOTTOM)
+    at = Pos(s(6), s(4), 0)
+    body += at * Rot(180, 0, 0) * Cylinder(boss, low, align=BOTTOM)
+    body -= at * Cylinder(bore, BEYOND)
+    for k in range(2):
+        body -= Rot(0, 0, 90 + 180 * k) * Pos(rim - s(7), 0, 0) * Cylinder(s(3), BEYOND)
+    return body
