@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import Images, Plane, open_feet
-from brepgaussian.splatting.concave.feet import _circle
+from brepgaussian.splatting.concave import Images, open_feet
+from brepgaussian.splatting.concave.feet import _by_tops, _circle
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
 from build123d import Box, Cylinder, Pos, fillet
 from rendered import rendered
@@ -25,6 +26,17 @@ def part(foot: float):
     return solid
 
 
+def face(height: float, normal: np.ndarray, radius: float | None = None) -> tuple[Lattice, np.ndarray]:
+    """A face at a height, mm: a disc about the boss's axis, or the whole plate without one."""
+    first, second = plane_axes(normal)
+    count, pitch = 161, 1.0 / 160
+    middle = 0.5 + np.append(AT, height) / SIDE
+    rows, columns = (np.mgrid[:count, :count] - count // 2) * pitch
+    outline = np.hypot(rows, columns) < (radius if radius is not None else SIDE / 2) / SIDE
+    origin = middle - (first + second) * pitch * count / 2
+    return Lattice(origin, first, second, normal, pitch, (count, count)), outline
+
+
 def hull(skirt: float) -> Volume:
     """The same with a cone around the foot, as wide as high."""
     places = (np.stack(np.meshgrid(*[np.arange(CELLS + 1) / CELLS] * 3, indexing="ij"), axis=-1) - 0.5) * SIDE
@@ -37,11 +49,12 @@ def hull(skirt: float) -> Volume:
     return Volume((solid / SIDE).astype(np.float32), np.zeros(3), 1 / CELLS)
 
 
-def cut(views, skirt: float) -> np.ndarray:
+def cut(views, skirt: float, top: float | None = None) -> np.ndarray:
     """(N, 2) places that are emptied, mm: distance from the boss's axis and height above the plate."""
     before = hull(skirt)
-    top = Plane(UP, 0.5 + (LOW + THICK) / SIDE)
-    after = open_feet(Images.of(views, 0.0), before, [top, Plane(-UP, -(0.5 + LOW / SIDE))])
+    faces = [face(LOW + THICK, UP), face(LOW, -UP)]
+    faces += [] if top is None else [face(LOW + THICK + TALL, UP, top)]
+    after = open_feet(Images.of(views, 0.0), before, faces)
     gone = (np.argwhere((before.field > 0) & (after.field <= 0)) / CELLS - 0.5) * SIDE
     return np.column_stack([np.linalg.norm(gone[:, :2] - AT, axis=1), gone[:, 2] - LOW - THICK])
 
@@ -60,6 +73,24 @@ def test_a_skirt_around_a_foot_is_cut(views, skirt):
     assert inside.sum() == pytest.approx(np.pi * skirt**2 * (RADIUS + skirt / 3) / voxel**3, rel=0.25)
 
 
+@pytest.mark.parametrize("skirt", [2.0, 7.5])
+def test_a_round_top_tells_where_a_wall_is_that_a_skirt_hides(views, skirt):
+    gone = cut(views, skirt, RADIUS)
+    assert gone[:, 0].min() > RADIUS - 1.5 * SIDE / CELLS
+    assert gone[:, 0].max() > RADIUS + 0.8 * skirt
+
+
+def test_a_boss_stands_on_the_next_face_below_its_top():
+    faces = [
+        face(height, way, radius) for height, way, radius in [(4, UP, 8), (1, UP, None), (-3, UP, None), (-6, -UP, 20)]
+    ]
+    (boss,) = [boss for boss in _by_tops(faces, 0.02) if boss.radius < 0.3]
+    assert boss.radius == pytest.approx(8 / SIDE, abs=0.002)
+    assert boss.height == pytest.approx(3 / SIDE)
+    np.testing.assert_allclose(boss.axis.through, 0.5 + np.append(AT, 1) / SIDE, atol=0.004)
+    assert not [boss for boss in _by_tops(faces, 0.2) if boss.radius < 0.3]  # too low
+
+
 def test_a_bare_foot_has_none(views):
     assert len(cut(views, 0.0)) == 0
 
@@ -67,6 +98,7 @@ def test_a_bare_foot_has_none(views):
 def test_a_foot_with_a_fillet_keeps_it(tmp_path):
     views, _ = rendered(tmp_path, part(3.0), 40, 500)
     assert len(cut(views, 2.5)) == 0
+    assert len(cut(views, 2.5, RADIUS)) == 0
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -144,7 +144,7 @@ def carve(
         if concavities:
             planes = _planes(faces)
             volume, notches = open_notches(images, volume, planes)
-            volume = open_feet(images, volume, planes)
+            volume = open_feet(images, volume, [(f.lattice, f.outline) for f in faces])
             uncut, volume = volume, open_corners(images, volume, planes)
             cornered = volume
             volume, more, bends = open_concavities(images, volume, planes, flat)

@@ -1,7 +1,7 @@
 """Feet of round bosses: corners between a boss and the face that it stands on.
 
 Where few cameras look along that face, as below a plate, no silhouette shows the corner, and a hull fills it with a
-skirt. Further up the boss's wall is bare, and tells where the wall goes on below.
+skirt. Further up the boss's wall is bare, and tells where the wall goes on below; so does the outline of a round top.
 """
 
 from collections.abc import Sequence
@@ -9,25 +9,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.curved import connected
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.planes import Plane
-from brepgaussian.splatting.concave.prism import plane_axes
+from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.shoulders import is_round
 from brepgaussian.splatting.concave.turned import Axis
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.mesh import vertex_normals
 
 Array = NDArray[np.float64]
+Face = tuple[Lattice, NDArray[np.bool_]]  # (R, C) cells on it
 
 _UPRIGHT = 0.2  # cosine between a wall's normal and the face's: 12 degrees from square
 _ON_VOXELS = (
     1.0  # from a circle, on which a wall's vertex lies on it; and from the face, above which walls are looked for
 )
+_PARALLEL = 0.9998  # cosine of 1.1 degrees
 _NEAR_VOXELS = 2.5  # vertices of one wall
 _OUTWARD = 0.9  # cosine between a wall's normal and the ray from its axis: no bore, no flat beside a round wall
 _ROUND = 0.3  # of a wall's vertices lie on its circle; the others are its skirt's,
@@ -75,16 +78,17 @@ class Boss:
         return np.asarray(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0))
 
 
-def open_feet(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
+def open_feet(images: Images, hull: Volume, faces: Sequence[Face]) -> Volume:
     """Carve the corners around the feet of round bosses.
 
     Args:
         images: of all views.
         hull: what silhouettes leave, faces flattened.
-        planes: of its faces.
+        faces: of it.
     """
     scene = None
-    for boss in [boss for plane in planes for boss in _bosses(hull, plane)]:
+    walls = [boss for lattice, _ in faces for boss in _by_walls(hull, lattice)]
+    for boss in [*walls, *_by_tops(faces, _LEAST_RING * hull.spacing)]:
         width = _skirt(hull, boss)
         if width < _LEAST_RING * hull.spacing:
             continue
@@ -96,7 +100,22 @@ def open_feet(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
     return hull
 
 
-def _bosses(hull: Volume, plane: Plane) -> list[Boss]:
+def _by_tops(faces: Sequence[Face], least: float) -> list[Boss]:
+    """The bosses, no lower than `least`, whose tops are round faces: on the next parallel face below each."""
+    found = []
+    for top, outline in faces:
+        labels, _ = ndimage.label(ndimage.binary_fill_holes(outline))
+        disc = labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
+        height = [top.offset - low.offset for low, _ in faces if float(low.normal @ top.normal) > _PARALLEL]
+        height = [h for h in height if h > least]
+        if height and is_round(disc):
+            foot = top.centers()[disc].mean(axis=0) - min(height) * top.normal
+            radius = top.pitch * float(np.sqrt(disc.sum() / np.pi))
+            found.append(Boss(Axis(foot, top.normal), radius, min(height)))
+    return found
+
+
+def _by_walls(hull: Volume, plane: Lattice) -> list[Boss]:
     """The round bosses that stand on a plane."""
     vertices, triangles = hull.mesh()
     normals, height = vertex_normals(vertices, triangles), vertices @ plane.normal - plane.offset
