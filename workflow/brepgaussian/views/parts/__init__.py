@@ -116,7 +116,7 @@ PARTS: dict[str, PartInfo] = {
     "shelf_bracket": PartInfo("workshop", "two ribs away from the ends of an inner corner, holes beside them", HOLDOUT),
     "pipe_saddle": PartInfo("workshop", "half a bore whose rims are chamfered, thin ears", HOLDOUT),
     "bleed_screw": PartInfo("workshop", "a blind bore that a small radial hole meets, a relief, a cone", TUNED),
-    "neck_flange": PartInfo("fittings", "a cone between a plate and a tube, rounded corners", HOLDOUT),
+    "neck_flange": PartInfo("fittings", "a cone between a plate and a tube, rounded corners", TUNED),
     "castle_nut": PartInfo("fittings", "three slots that cross in a bore, hyperbolas below", HOLDOUT),
     "soft_jaw": PartInfo("fittings", "a step, slots that break into a groove", TUNED),
     "stand_foot": PartInfo("fittings", "a cone between lugs, a deep blind hole, a shallow recess", HOLDOUT),
@@ -174,6 +174,7 @@ PARTS: dict[str, PartInfo] = {
     "seal_carrier": PartInfo("drilled", "a groove around the bore of a flange", HOLDOUT),
     "set_pin": PartInfo("mounts", "a flat between two shoulders on a pin, a cross hole", HOLDOUT),
     "port_cover": PartInfo("mounts", "a boss below a cover", HOLDOUT),
+    "machine_foot": PartInfo("mounts", "a low pad below a foot, a stud", HOLDOUT),
 }
 
 

@@ -9,6 +9,7 @@ from build123d import (
     Plane,
     Polygon,
     Pos,
+    RectangleRounded,
     RegularPolygon,
     Rot,
     SlotOverall,
@@ -185,3 +186,13 @@ def port_cover(s: Sizes) -> Part:
     for k in range(2):
         body -= Rot(0, 0, 90 + 180 * k) * Pos(rim - s(7), 0, 0) * Cylinder(s(3), BEYOND)
     return body
+
+
+def machine_foot(s: Sizes) -> Part:
+    """A square foot with rounded corners on a low round pad, a chamfered stud above, off its middle."""
+    side, thick, corner, pad, low = s(50), s(9), s(7), s(18), s(1.8)
+    stud, high, edge = s(7), s(34), s(1.5)
+    body = extrude(RectangleRounded(side, side, corner), thick)
+    body += Pos(s(2), 0, -low) * Cylinder(pad, 2 * low, align=BOTTOM)
+    top = thick + high
+    return body + Pos(-s(5), s(3), 0) * turn((0, 0), (stud, 0), (stud, top - edge), (stud - edge, top), (0, top))
