@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, open_feet
-from brepgaussian.splatting.concave.feet import _by_tops, _circle
+from brepgaussian.splatting.concave.feet import Boss, _by_tops, _circle, _skirt
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
+from brepgaussian.splatting.concave.turned import Axis
 from brepgaussian.splatting.concave.volume import Volume
 from build123d import Box, Cylinder, Pos, fillet
 from rendered import rendered
@@ -99,6 +100,23 @@ def test_a_foot_with_a_fillet_keeps_it(tmp_path):
     views, _ = rendered(tmp_path, part(3.0), 40, 500)
     assert len(cut(views, 2.5)) == 0
     assert len(cut(views, 2.5, RADIUS)) == 0
+
+
+def test_a_skirt_ends_beside_an_arm():
+    before = hull(2.0)
+    foot = np.append(AT, LOW + THICK)
+    places = (np.stack(np.meshgrid(*[np.arange(CELLS + 1) / CELLS] * 3, indexing="ij"), axis=-1) - 0.5) * SIDE - foot
+    arm = np.minimum(np.minimum(2.0 - np.abs(places[..., 1]), places[..., 0]), 8.0 - places[..., 2]) / SIDE
+    boss = Boss(Axis(0.5 + foot / SIDE, UP), RADIUS / SIDE, TALL / SIDE)
+    ring = _skirt(before.with_field(np.maximum(before.field, arm.astype(np.float32))), boss)
+    assert ring.width == pytest.approx(2 / SIDE, abs=2 / CELLS)
+    assert ring.height == pytest.approx(2 / SIDE, abs=2 / CELLS)
+    turn = 2 * np.pi * np.arange(len(ring.around)) / len(ring.around)
+    first, second = plane_axes(UP)
+    away = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    arm = (away[:, 0] > 0) & (np.abs(away[:, 1]) * RADIUS < 2.0)
+    assert not (ring.around & arm).any()
+    assert ring.around[away[:, 0] < 0].all()
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -37,6 +37,7 @@ _ROUND = 0.3  # of a wall's vertices lie on its circle; the others are its skirt
 _ALL_AROUND = 0.6  # and all about its axis
 _ANGLES = 72  # about an axis, at which a skirt is looked for
 _BARE = 0.2  # of these, at most, at which something stands on a face: there the skirt ends
+_BEYOND, _CLEAR = 3, 2  # voxels, twice as far out, in which an arm or a rib goes on; angles beside it that are left
 _LEAST_RING = 2  # voxels that a skirt is wide
 _WIDEST = 1.0  # radii of the boss; what is wider is no skirt
 _MOST_LOST = 0.01  # of the contours' rays through a ring that it may leave with nothing
@@ -70,12 +71,32 @@ class Boss:
         rings = self.axis.through + radii[:, None, None] * out
         return np.asarray(rings[:, :, None] + heights[:, None] * self.axis.direction)
 
-    def signed_distance(self, points: Array, width: float) -> Array:
-        """(N,) distances of points (N, 3) from a ring around the foot, as high as the wall; negative inside."""
-        radius, height = self.axis.cylindrical(points)
-        spans = ((radius, self.radius, self.radius + width), (height, 0.0, self.height))
+
+@dataclass(frozen=True)
+class Ring:
+    """A ring around a boss's foot, but for where more stands there.
+
+    Attributes:
+        width: beyond the boss's wall; height: above the face.
+        around: (A,) at which angles it is, of those of `Boss.around`.
+    """
+
+    boss: Boss
+    width: float
+    height: float
+    around: NDArray[np.bool_]
+
+    def signed_distance(self, points: Array) -> Array:
+        """(N,) distances of points (N, 3) from it, negative inside; far off where it is not around."""
+        axis, first = self.boss.axis, plane_axes(self.boss.axis.direction)
+        radius, height = axis.cylindrical(points)
+        spans = ((radius, self.boss.radius, self.boss.radius + self.width), (height, 0.0, self.height))
         off = np.column_stack([np.abs(value - (low + high) / 2) - (high - low) / 2 for value, low, high in spans])
-        return np.asarray(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0))
+        distance = np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0)
+        turn = np.arctan2(*((points - axis.through) @ np.stack(first[::-1], axis=1)).T) / (2 * np.pi)
+        return np.where(
+            self.around[np.round(turn * _ANGLES).astype(int) % _ANGLES], distance, np.maximum(distance, 1.0)
+        )
 
 
 def open_feet(images: Images, hull: Volume, faces: Sequence[Face]) -> Volume:
@@ -89,13 +110,13 @@ def open_feet(images: Images, hull: Volume, faces: Sequence[Face]) -> Volume:
     scene = None
     walls = [boss for lattice, _ in faces for boss in _by_walls(hull, lattice)]
     for boss in [*walls, *_by_tops(faces, _LEAST_RING * hull.spacing)]:
-        width = _skirt(hull, boss)
-        if width < _LEAST_RING * hull.spacing:
+        ring = _skirt(hull, boss)
+        if ring is None or ring.width < _LEAST_RING * hull.spacing:
             continue
         scene = scene or hull.scene()
-        opened = _without(hull, boss, width)
+        opened = _without(hull, ring)
         after = opened.scene()
-        if _believed(images, scene, after, boss, width, hull.spacing):
+        if _believed(images, scene, after, ring, hull.spacing):
             hull, scene = opened, after
     return hull
 
@@ -150,31 +171,45 @@ def _circle(points: Array, scale: float) -> tuple[Array, float]:
     return middle, radius
 
 
-def _skirt(hull: Volume, boss: Boss) -> float:
-    """How far about a boss something stands on its face nearly all around, unit frame; 0 if that goes on and on."""
+def _skirt(hull: Volume, boss: Boss) -> Ring | None:
+    """The ring about a boss in which something stands on its face nearly all around; None if there is none, or no end.
+
+    It leaves out the arms and ribs that leave the boss there: these go on further out.
+    """
     spacing = hull.spacing
     radii = boss.radius + spacing * np.arange(1, int(_WIDEST * boss.radius / spacing) + 1)
     heights = np.arange(_ON_VOXELS * spacing, boss.height, spacing / 2)
     places = boss.around(np.asarray(radii, float), np.asarray(heights, float))
-    inside = hull.inside(places.reshape(-1, 3)).reshape(places.shape[:3])
-    bare = np.flatnonzero(inside.any(axis=2).mean(axis=1) < _BARE)
-    return float(radii[bare[0]] - boss.radius) if len(bare) else 0.0
+    inside: NDArray[np.bool_] = hull.inside(places.reshape(-1, 3)).reshape(places.shape[:3])  # (R, A, H)
+    filled = np.asarray(inside.any(axis=2))  # (R, A)
+    bare = np.flatnonzero(filled.mean(axis=1) < _BARE)
+    if not len(bare) or not bare[0]:
+        return None
+    last = int(bare[0])
+    beyond = np.asarray(filled[2 * last :][:_BEYOND].any(axis=0))  # twice as far out
+    around = ~ndimage.binary_dilation(np.tile(beyond, 3), iterations=_CLEAR)[len(beyond) : 2 * len(beyond)]
+    some = np.flatnonzero(inside[:last, around].any(axis=(0, 1)))
+    if not len(some) or around.mean() < _ALL_AROUND:
+        return None
+    top = min(float(heights[some.max()]) + spacing, boss.height)
+    return Ring(boss, float(radii[last] - boss.radius), top, around)
 
 
-def _without(hull: Volume, boss: Boss, width: float) -> Volume:
-    """The hull without a ring around a boss's foot."""
-    extent = boss.around(np.array([boss.radius + width]), np.array([0.0, boss.height])).reshape(-1, 3)
-    return hull.carved(extent, _AROUND_VOXELS * hull.spacing, lambda points: boss.signed_distance(points, width))
+def _without(hull: Volume, ring: Ring) -> Volume:
+    """The hull without a ring."""
+    boss = ring.boss
+    extent = boss.around(np.array([boss.radius + ring.width]), np.array([0.0, ring.height])).reshape(-1, 3)
+    return hull.carved(extent, _AROUND_VOXELS * hull.spacing, ring.signed_distance)
 
 
-def _believed(images: Images, scene: Scene, after: Scene, boss: Boss, width: float, spacing: float) -> bool:
+def _believed(images: Images, scene: Scene, after: Scene, ring: Ring, spacing: float) -> bool:
     """Whether views agree much better without a ring, and silhouettes don't need it."""
     old, new, count = said = disagreements(images, scene, after, _REACH_VOXELS * spacing)
     chords = chords_in(scene, *images.contour_rays)
-    lost = lost_share(chords, boss.signed_distance(chords.samples(), width) < 0)
+    lost = lost_share(chords, ring.signed_distance(chords.samples()) < 0)
     good = better(said, _GAIN, _LEAST_RAYS, untold=False) and lost <= _MOST_LOST
     logger.info(
         "foot of a boss of radius %.4f, %.4f wide: views disagree by %.2f for %.2f of the hull, %d rays%s",
-        boss.radius, width, new, old, count, "" if good else ": not believed",
+        ring.boss.radius, ring.width, new, old, count, "" if good else ": not believed",
     )  # fmt: skip
     return good
