@@ -27,9 +27,7 @@ Array = NDArray[np.float64]
 Face = tuple[Lattice, NDArray[np.bool_]]  # (R, C) cells on it
 
 _UPRIGHT = 0.2  # cosine between a wall's normal and the face's: 12 degrees from square
-_ON_VOXELS = (
-    1.0  # from a circle, on which a wall's vertex lies on it; and from the face, above which walls are looked for
-)
+_ON_VOXELS = 1.0  # from a circle, of a vertex on it; and from a face, above which its bosses' walls are looked for
 _PARALLEL = 0.9998  # cosine of 1.1 degrees
 _NEAR_VOXELS = 2.5  # vertices of one wall
 _OUTWARD = 0.9  # cosine between a wall's normal and the ray from its axis: no bore, no flat beside a round wall
@@ -42,7 +40,7 @@ _LEAST_RING = 2  # voxels that a skirt is wide
 _WIDEST = 1.0  # radii of the boss; what is wider is no skirt
 _MOST_LOST = 0.01  # of the contours' rays through a ring that it may leave with nothing
 _GAIN = 0.75  # as for an opening; of true corners .32 to .37 of the disagreement was left
-_LEAST_RAYS = 200
+_LEAST_RAYS = 200  # that tell
 _REACH_VOXELS = 0.5  # rays on which a ring changes less than this don't judge it
 _AROUND_VOXELS = 4.0  # around a ring in which the field follows it
 _REWEIGHTINGS = 15
@@ -88,15 +86,13 @@ class Ring:
 
     def signed_distance(self, points: Array) -> Array:
         """(N,) distances of points (N, 3) from it, negative inside; far off where it is not around."""
-        axis, first = self.boss.axis, plane_axes(self.boss.axis.direction)
-        radius, height = axis.cylindrical(points)
-        spans = ((radius, self.boss.radius, self.boss.radius + self.width), (height, 0.0, self.height))
-        off = np.column_stack([np.abs(value - (low + high) / 2) - (high - low) / 2 for value, low, high in spans])
-        distance = np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0)
-        turn = np.arctan2(*((points - axis.through) @ np.stack(first[::-1], axis=1)).T) / (2 * np.pi)
-        return np.where(
-            self.around[np.round(turn * _ANGLES).astype(int) % _ANGLES], distance, np.maximum(distance, 1.0)
-        )
+        axis, radius = self.boss.axis, self.boss.radius
+        distance = axis.ring_distance(points, (radius, radius + self.width), (0.0, self.height))
+        first, second = plane_axes(axis.direction)
+        arm = points - axis.through
+        turn = np.arctan2(arm @ second, arm @ first) / (2 * np.pi)
+        there = self.around[np.round(turn * _ANGLES).astype(int) % _ANGLES]
+        return np.where(there, distance, np.maximum(distance, 1.0))
 
 
 def open_feet(images: Images, hull: Volume, faces: Sequence[Face]) -> Volume:

@@ -85,10 +85,8 @@ class Groove:
 
     def signed_distance(self, points: Array, within: float) -> Array:
         """(N,) distances of points (N, 3) from the groove, which reaches into the bore by `within`; negative inside."""
-        radius, height = self.axis.cylindrical(points)
-        spans = ((radius, self.radius - within, self.radius + self.depth), (height, self.top, self.bottom))
-        off = np.column_stack([np.abs(value - (low + high) / 2) - (high - low) / 2 for value, low, high in spans])
-        return np.asarray(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0))
+        radii = self.radius - within, self.radius + self.depth
+        return self.axis.ring_distance(points, radii, (self.top, self.bottom))
 
     def is_at_wall(self, points: Array, slack: float) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) are on the wall that closes it."""

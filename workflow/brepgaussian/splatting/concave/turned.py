@@ -61,6 +61,12 @@ class Axis:
         height = offset @ self.direction
         return np.linalg.norm(offset - height[:, None] * self.direction, axis=1), height
 
+    def ring_distance(self, points: Array, radii: tuple[float, float], heights: tuple[float, float]) -> Array:
+        """(N,) distances of points (N, 3) from a ring between two radii and two heights; negative inside."""
+        spans = zip(self.cylindrical(points), (radii, heights), strict=True)
+        off = np.column_stack([np.abs(value - (low + high) / 2) - (high - low) / 2 for value, (low, high) in spans])
+        return np.asarray(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0))
+
 
 def turn(images: Images, hull: Volume) -> Volume:
     """The hull without the rings that are empty at some angle, by images of all views."""
