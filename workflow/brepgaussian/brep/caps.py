@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.brep.borders import clusters
-from brepgaussian.brep.patches import Patch
-from brepgaussian.geometry.surfaces import Surface, cylinder, plane
+from brepgaussian.brep.patches import Patch, guessed
+from brepgaussian.geometry.surfaces import cylinder, plane
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -59,10 +59,6 @@ def find_caps(patches: Sequence[Patch], borders: Sequence[Indices], seed: int) -
     return [replace(c, whole=True) for c in caps] if len(caps) <= _FEW else caps
 
 
-def _cap(surface: Surface, xyz: Array, reach: float) -> Patch:
-    return Patch(surface, -1, xyz, surface.normals(xyz).copy(), reach, 0.0, cap=True)
-
-
 def _tangent(cap: Patch, patches: Sequence[Patch], reach: float) -> Patch:
     """A plane that all but touches a cylinder along a line is put onto it: a fillet ends there."""
     if cap.surface.kind != "plane":
@@ -79,7 +75,7 @@ def _tangent(cap: Patch, patches: Sequence[Patch], reach: float) -> Patch:
         near = patch.xyz - touch - ((patch.xyz - touch) @ axis)[:, None] * axis
         if abs(shift) < reach and np.linalg.norm(near, axis=1).min() < 2 * reach:
             moved = plane(cap.surface.origin + shift * normal, normal)
-            return _cap(moved, moved.project(cap.xyz), cap.reach)
+            return guessed(moved, moved.project(cap.xyz), cap.reach)
     return cap
 
 
@@ -113,7 +109,7 @@ def _planes(
                 normal = -normal
             offset = float(np.quantile(on @ normal, _EDGE_QUANTILE))
             surface = plane(on.mean(axis=0) + (offset - on.mean(axis=0) @ normal) * normal, normal)
-            result.append(_cap(surface, surface.project(on), reach))
+            result.append(guessed(surface, surface.project(on), reach))
             left = np.delete(left, inliers)
     return result
 
@@ -232,6 +228,6 @@ def _cylinders(rings: Sequence[Ring], reach: float) -> list[Patch]:
         turn = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
         rim = surface.radius * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * y)
         xyz = np.concatenate([middle + ((e - middle) @ axis) * axis + rim for e in ends])
-        cap = _cap(surface, xyz, reach)
+        cap = guessed(surface, xyz, reach)
         result.append(cap if len(ends) > 1 else replace(cap, whole=True))
     return result

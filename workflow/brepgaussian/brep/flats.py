@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, guessed
 from brepgaussian.geometry.surfaces import plane
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def _is_there(shaft: Patch, flat: Patch, end: float, known: Patch) -> bool:
         return False
     on = known.xyz - wall.origin
     above = on @ flat.surface.axis > _depth(shaft, flat) * wall.radius
-    within = np.linalg.norm(on - np.outer(on @ wall.axis, wall.axis), axis=1) < wall.radius + shaft.reach
+    within = wall.signed_distance(known.xyz) < shaft.reach
     near = np.abs(on @ wall.axis - end) < _NEAR_REACHES * shaft.reach
     return bool((above & within & near).sum() >= _LEAST)
 
@@ -88,5 +88,4 @@ def _shoulder(shaft: Patch, flat: Patch, end: float, way: float) -> Patch:
     up, across = flat.surface.axis, np.cross(wall.axis, flat.surface.axis)
     middle = wall.origin + end * wall.axis
     points = middle + radius[:, None] * (np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * across)
-    surface = plane(middle, -way * wall.axis)
-    return Patch(surface, -1, points, surface.normals(points).copy(), shaft.reach, 0.0, cap=True)
+    return guessed(plane(middle, -way * wall.axis), points, shaft.reach)

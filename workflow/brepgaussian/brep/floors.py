@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, guessed
 from brepgaussian.geometry.surfaces import Surface, plane
 
 Array = NDArray[np.float64]
@@ -58,8 +58,7 @@ def _floor(patch: Patch, border: Indices, elsewhere: Array) -> Patch | None:
     middle = bore.origin + up * float(np.quantile(height[border], _BORDER)) * bore.axis
     turn = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
     rim = middle + bore.radius * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * y)
-    surface = plane(middle, up * bore.axis)
-    return Patch(surface, -1, rim, surface.normals(rim).copy(), patch.reach, 0.0, cap=True)
+    return guessed(plane(middle, up * bore.axis), rim, patch.reach)
 
 
 def _all_around(bore: Surface, places: Array) -> bool:

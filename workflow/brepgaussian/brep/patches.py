@@ -70,6 +70,11 @@ def make_patches(items: Sequence[Primitive], points: Points, max_reach: float) -
     return patches
 
 
+def guessed(surface: Surface, xyz: Array, reach: float) -> Patch:
+    """A face that is of no primitive, on a surface, with (N, 3) points made on it that stand for it."""
+    return Patch(surface, -1, xyz, surface.normals(xyz).copy(), reach, 0.0, cap=True)
+
+
 def supported(patch: Patch, surface: Surface, xyz: Array, normals: Array) -> Patch:
     """A patch on another surface, with other points (N, 3) and normals (N, 3)."""
     return replace(patch, surface=surface, xyz=xyz, normals=normals, sigma=surface.rms(xyz))

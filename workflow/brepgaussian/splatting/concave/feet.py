@@ -15,13 +15,13 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.curved import connected
+from brepgaussian.splatting.concave.mouths import circle_next_to
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shoulders import is_round
 from brepgaussian.splatting.concave.turned import Axis
 from brepgaussian.splatting.concave.volume import Volume
-from brepgaussian.splatting.mesh import vertex_normals
 
 Array = NDArray[np.float64]
 Face = tuple[Lattice, NDArray[np.bool_]]  # (R, C) cells on it
@@ -103,13 +103,12 @@ def open_feet(images: Images, hull: Volume, faces: Sequence[Face]) -> Volume:
         hull: what silhouettes leave, faces flattened.
         faces: of it.
     """
-    scene = None
-    walls = [boss for lattice, _ in faces for boss in _by_walls(hull, lattice)]
+    scene = hull.scene()
+    walls = [boss for lattice, _ in faces for boss in _by_walls(scene, lattice, hull.spacing)]
     for boss in [*walls, *_by_tops(faces, _LEAST_RING * hull.spacing)]:
         ring = _skirt(hull, boss)
         if ring is None or ring.width < _LEAST_RING * hull.spacing:
             continue
-        scene = scene or hull.scene()
         opened = _without(hull, ring)
         after = opened.scene()
         if _believed(images, scene, after, ring, hull.spacing):
@@ -132,21 +131,21 @@ def _by_tops(faces: Sequence[Face], least: float) -> list[Boss]:
     return found
 
 
-def _by_walls(hull: Volume, plane: Lattice) -> list[Boss]:
-    """The round bosses that stand on a plane."""
-    vertices, triangles = hull.mesh()
-    normals, height = vertex_normals(vertices, triangles), vertices @ plane.normal - plane.offset
-    wall = np.flatnonzero((height > _ON_VOXELS * hull.spacing) & (np.abs(normals @ plane.normal) < _UPRIGHT))
+def _by_walls(scene: Scene, plane: Lattice, spacing: float) -> list[Boss]:
+    """The round bosses of a hull, voxels of which are `spacing` wide, that stand on a plane."""
+    vertices, normals = scene.vertices, scene.normals
+    height = vertices @ plane.normal - plane.offset
+    wall = np.flatnonzero((height > _ON_VOXELS * spacing) & (np.abs(normals @ plane.normal) < _UPRIGHT))
     axes = np.column_stack(plane_axes(plane.normal))  # (3, 2)
     found = []
-    for group in connected(vertices[wall], _NEAR_VOXELS * hull.spacing):
+    for group in connected(vertices[wall], _NEAR_VOXELS * spacing):
         members = wall[group]
         flat, facing = vertices[members] @ axes, normals[members] @ axes
-        middle, radius = _circle(flat, hull.spacing)
+        middle, radius = _circle(flat, spacing)
         arm = flat - middle
         away = np.linalg.norm(arm, axis=1)
         outward = np.einsum("ni,ni->n", arm, facing) > _OUTWARD * away
-        on = outward & (np.abs(away - radius) < _ON_VOXELS * hull.spacing)
+        on = outward & (np.abs(away - radius) < _ON_VOXELS * spacing)
         angles = np.arctan2(arm[on, 1], arm[on, 0])
         around = np.count_nonzero(np.histogram(angles, _ANGLES // 2, (-np.pi, np.pi))[0]) / (_ANGLES // 2)
         if on.mean() >= _ROUND and around >= _ALL_AROUND:
@@ -157,11 +156,9 @@ def _by_walls(hull: Volume, plane: Lattice) -> list[Boss]:
 
 def _circle(points: Array, scale: float) -> tuple[Array, float]:
     """Middle (2,) and radius of the circle on which most of points (N, 2) lie, by reweighted least squares."""
-    terms = np.column_stack([2 * points, np.ones(len(points))])
-    square, weight = np.einsum("ni,ni->n", points, points), np.ones(len(points))
+    weight = np.ones(len(points))
     for _ in range(_REWEIGHTINGS):
-        found = np.linalg.lstsq(terms * weight[:, None], square * weight, rcond=None)[0]
-        middle, radius = found[:2], float(np.sqrt(max(found[2] + found[:2] @ found[:2], 0.0)))
+        middle, radius = circle_next_to(points, weight)
         off = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
         weight = 1 / (1 + (off / max(float(np.median(off)), scale / 10)) ** 2)
     return middle, radius
@@ -201,11 +198,15 @@ def _without(hull: Volume, ring: Ring) -> Volume:
 def _believed(images: Images, scene: Scene, after: Scene, ring: Ring, spacing: float) -> bool:
     """Whether views agree much better without a ring, and silhouettes don't need it."""
     old, new, count = said = disagreements(images, scene, after, _REACH_VOXELS * spacing)
-    chords = chords_in(scene, *images.contour_rays)
-    lost = lost_share(chords, ring.signed_distance(chords.samples()) < 0)
-    good = better(said, _GAIN, _LEAST_RAYS, untold=False) and lost <= _MOST_LOST
+    good = better(said, _GAIN, _LEAST_RAYS, untold=False) and _lost(images, scene, ring) <= _MOST_LOST
     logger.info(
         "foot of a boss of radius %.4f, %.4f wide: views disagree by %.2f for %.2f of the hull, %d rays%s",
         ring.boss.radius, ring.width, new, old, count, "" if good else ": not believed",
     )  # fmt: skip
     return good
+
+
+def _lost(images: Images, scene: Scene, ring: Ring) -> float:
+    """Share of the contours' rays through a ring that have nothing left without it."""
+    chords = chords_in(scene, *images.contour_rays)
+    return lost_share(chords, ring.signed_distance(chords.samples()) < 0)

@@ -64,18 +64,18 @@ def _disc(outline: Outline) -> Outline | None:
     rng = np.random.default_rng(0)
     best = np.zeros(len(border), bool)
     for _ in range(_TRIALS):
-        middle, radius = _circle(border[rng.choice(len(border), 3, replace=False)])
+        middle, radius = circle_next_to(border[rng.choice(len(border), 3, replace=False)])
         near = np.abs(np.linalg.norm(border - middle, axis=1) - radius) < _NEAR_CELLS
         best = near if near.sum() > best.sum() else best
     if best.sum() < _ROUND_SHARE * len(border):
         return None
-    middle, radius = _circle(border[best])
+    middle, radius = circle_next_to(border[best])
     rows, columns = np.indices(outline.shape)
     return np.asarray(np.hypot(rows - middle[0], columns - middle[1]) <= radius)
 
 
-def _circle(places: Array) -> tuple[Array, float]:
-    """Middle (2,) and radius of the circle next to places (N, 2), by algebraic least squares."""
+def circle_next_to(places: Array, weight: Array | float = 1.0) -> tuple[Array, float]:
+    """Middle (2,) and radius of the circle next to places (N, 2), by algebraic least squares with (N,) weights."""
     terms = np.column_stack([2 * places, np.ones(len(places))])
-    solved = np.linalg.lstsq(terms, (places**2).sum(axis=1), rcond=None)[0]
+    solved = np.linalg.lstsq((terms.T * weight).T, (places**2).sum(axis=1) * weight, rcond=None)[0]
     return solved[:2], float(np.sqrt(max(solved[2] + solved[:2] @ solved[:2], 0.0)))
