@@ -14,6 +14,7 @@ from brepgaussian.brep.borders import continuing, open_points
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
 from brepgaussian.brep.coplanar import coplanar
+from brepgaussian.brep.crowns import crowned
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.flats import ends_of_flats
 from brepgaussian.brep.floors import floors_of_bores
@@ -115,15 +116,18 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
 
 
 def _explanations(job: Job, sigma: float) -> Iterator[Job]:
-    """The job with bends tangent to pipes, shoulders where flats on shafts end, rolled fillets, flat cones and short
-    arcs as planes, coplanar faces, even pipes, without skins, smooth fillets, planes for curved walls, what symmetries
-    carry, straight profiles, grooves, planes clear of what they touch.
+    """The job with bends tangent to pipes, shoulders where flats on shafts end, rolled fillets, fillets all around flat
+    faces, flat cones and short arcs as planes, coplanar faces, even pipes, without skins, smooth fillets, planes for
+    curved walls, what symmetries carry, straight profiles, grooves, planes clear of what they touch.
     """
     yield from _changed(job, bent_tubes(job.patches, sigma))
     ends = ends_of_flats(job.patches)
     if ends:
         yield replace(job, floors=(*job.floors, *ends))
     yield from rolled(job, sigma)
+    for around in _with_changes(job, crowned(job.patches, sigma)):
+        yield from rolled(around, sigma)
+        yield around
     yield from _with_changes(job, flattened(job.patches))
     yield from _with_changes(job, unbent(job.patches))
     yield from _changed(job, coplanar(job.patches))
