@@ -320,10 +320,20 @@ def test_a_spoked_wheel_has_the_volume_of_the_formula():
     assert build_part("spoked_wheel").volume == pytest.approx(rings + 50 * over(along, 3.5), rel=1e-6)
 
 
+def test_links_have_the_volumes_of_the_formulas():
+    half = math.acos((17 - 11) / 52)  # half the angle of the large circle that the belt leaves free
+    belt = (17 + 11) * 52 * math.sin(half) + (math.pi - half) * 17**2 + half * 11**2
+    bosses = math.pi * (17**2 * (28 - 9) + 11**2 * (18 - 9) - 9**2 * 28 - 5**2 * 18)
+    assert build_part("rocker_arm").volume == pytest.approx(belt * 9 + bosses, rel=1e-6)
+    sinks = 2 * math.pi * (3**2 * 10 + 2.5 * ((3**2 + 3 * 5.5 + 5.5**2) / 3 - 3**2))
+    plate = (78 * 44 - 6**2 * (4 - math.pi)) * 10 - 9 * math.pi * 3.2**2 * 10
+    assert build_part("nozzle_plate").volume == pytest.approx(plate - sinks, rel=1e-6)
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 129
+    assert len(PARTS) == 133
     assert len(held_out) * 3 >= len(PARTS)
 
 

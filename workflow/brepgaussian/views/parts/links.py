@@ -1,0 +1,76 @@
+"""Bundled parts that link, stop and feed: bosses on a tangent web, blocks rounded on top, barbs, grids of holes."""
+
+from math import sqrt
+
+from build123d import (
+    Axis,
+    Box,
+    Cone,
+    Cylinder,
+    Part,
+    Polygon,
+    Pos,
+    RegularPolygon,
+    extrude,
+    fillet,
+)
+
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.sizes import Sizes
+from brepgaussian.views.parts.turned import turn
+
+
+def rocker_arm(s: Sizes) -> Part:
+    """Two bored bosses of unlike height and width on a web that is tangent to both."""
+    span, web = s(52), s(9)
+    big, small, high, low = s(17), s(11), s(28), s(18)
+    ahead = (big - small) / span  # cosine between the axis and the normals of the web's sides
+    up = sqrt(1 - ahead**2)
+    places = [(x + r * ahead, way * r * up) for way in (1, -1) for x, r in ((-span / 2, big), (span / 2, small))[::way]]
+    body = extrude(Polygon(*places, align=None), web, dir=(0, 0, 1))
+    body += Pos(-span / 2, 0, 0) * Cylinder(big, high, align=BOTTOM)
+    body += Pos(span / 2, 0, 0) * Cylinder(small, low, align=BOTTOM)
+    body -= Pos(-span / 2, 0, 0) * Cylinder(s(9), BEYOND)
+    return body - Pos(span / 2, 0, 0) * Cylinder(s(5), BEYOND)
+
+
+def stop_block(s: Sizes) -> Part:
+    """A block rounded on its upright edges and all around its top, a blind hole below, a hole across."""
+    length, width, high = s(54), s(36), s(26)
+    body = Box(length, width, high, align=BOTTOM)
+    body = fillet(body.edges().filter_by(Axis.Z), s(9))
+    body = fillet(body.faces().sort_by(Axis.Z)[-1].edges(), s(3.5))
+    body -= Pos(-length * 0.2, 0, 0) * Cylinder(s(7), s(13), align=BOTTOM)
+    return body - Pos(length * 0.24, 0, high * 0.45) * Box(s(8), BEYOND, s(9))
+
+
+def hose_barb(s: Sizes) -> Part:
+    """A hexagon between a spigot and a tail with two barbs, bored through."""
+    apothem, hexagon, bore = s(13), s(10), s(4.5)
+    root, barb, pitch, tail = s(7, 0.06), s(9.5, 0.06), s(11), s(6)
+    neck, spigot = s(8.5, 0.06), s(14)
+    body = extrude(RegularPolygon(apothem / 0.8660254, 6), hexagon)
+    points = [(bore, hexagon), (root, hexagon), (root, hexagon + tail)]
+    z = hexagon + tail
+    for _ in range(2):
+        points += [(barb, z), (root, z + pitch)]
+        z += pitch
+    body += turn((0, hexagon), *points[1:], (0, z))
+    body += turn((0, -spigot), (neck, -spigot), (neck, 0), (0, 0))
+    return body - Cylinder(bore, BEYOND)
+
+
+def nozzle_plate(s: Sizes) -> Part:
+    """A plate with rounded corners, a grid of holes, and two countersunk ones at its ends."""
+    length, width, thick, pitch, hole = s(78), s(44), s(10), s(12, 0.08), s(3.2)
+    body = Box(length, width, thick, align=BOTTOM)
+    body = fillet(body.edges().filter_by(Axis.Z), s(6))
+    for i in (-1, 0, 1):
+        for j in (-1, 0, 1):
+            body -= Pos(i * pitch, j * pitch, 0) * Cylinder(hole, BEYOND)
+    bore, sink = s(3), s(5.5)
+    for x in (-1, 1):
+        at = Pos(x * length * 0.4, 0, thick - (sink - bore))
+        body -= Pos(x * length * 0.4, 0, 0) * Cylinder(bore, BEYOND)
+        body -= at * Cone(bore, sink, sink - bore, align=BOTTOM)
+    return body
