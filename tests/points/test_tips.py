@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from brepgaussian.artifacts.points import Points
 from brepgaussian.geometry import surfaces
-from brepgaussian.points.curves import find_curves
+from brepgaussian.points.curves import Curve, find_curves
 from brepgaussian.points.graph import spacing_of
 from brepgaussian.points.models import shared_surfaces
-from brepgaussian.points.tips import without_tips
+from brepgaussian.points.tips import _to_the_tip, without_tips
 
 SIDE, TOP, RIGHT, LEFT = range(4)
 WIDE = 0.5  # of the side, from its middle
@@ -68,6 +68,21 @@ def test_an_edge_with_points_up_to_it_stays():
     spacing = spacing_of(every)
     curves = without_tips(find_curves(every, label, known, spacing, 0.01), every, label, known, spacing, 0.01)
     assert (SIDE, TOP) in {c.pair for c in curves}
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_curve_that_runs_along_a_tip_goes_no_farther_than_that(way):
+    """The other patch, which it nears, is met far beyond."""
+    spacing, step = 0.015, 0.005
+    x, z = surfaces.plane(np.zeros(3), np.array([1.0, 0, 0])), surfaces.plane(np.zeros(3), np.array([0, 0, 1.0]))
+    beside = surfaces.plane(np.array([0, 0, 0.02]), np.array([0, way * 0.01, 1.0]) / np.hypot(1, 0.01))  # ever nearer
+    y = way * np.arange(0, 0.6, step)
+    tip = Curve(np.column_stack([np.zeros(len(y)), y, np.full(len(y), 0.02)]), (0, 2), False)
+    curve = Curve(np.column_stack([np.zeros(8), y[-8:], np.zeros(8)]), (0, 1), False)
+    longer = _to_the_tip(curve, tip, [x, z, beside], beside, spacing, step)
+    reach = way * longer.points[:, 1]
+    assert -3 * spacing <= reach.min()
+    assert reach.max() <= 0.6 + 3 * spacing
 
 
 def test_pieces_of_one_cone_get_its_surface_and_others_keep_theirs():
