@@ -1,12 +1,14 @@
 """Fillets all around a flat face under labels that run over, against blocks and pockets whose fillets are known."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from brepgaussian.brep.blends import blended
 from brepgaussian.brep.crowns import crowned
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, supported
 from brepgaussian.geometry.rolling import rolling
-from brepgaussian.geometry.surfaces import cone, plane
+from brepgaussian.geometry.surfaces import cone, cylinder, plane
 
 HALF, HIGH, NOISE, REACH = np.array([0.5, 0.3]), 0.4, 0.0006, 0.012
 TOP = plane([0, 0, HIGH], [0, 0, 1.0])
@@ -122,3 +124,75 @@ def test_right_labels_are_left_alone(radii):
     parts = block(radii, np.random.default_rng(7))
     groups = [(k,) for k, part in enumerate(parts) if len(part[0])]
     assert crowned(labelled(parts, 0.06, groups), NOISE) == []
+
+
+UPRIGHT = 0.12  # radius of a block's upright edges
+
+
+def rounded_block(radius, rng):
+    """Patches of a block with upright edges rounded off, too: top, 4 walls, 4 round ones, the fillets of these."""
+    core = HALF - UPRIGHT
+    made = []
+
+    def add(surface, xyz, normals):
+        noisy = xyz + NOISE * rng.normal(size=xyz.shape)
+        made.append(Patch(surface, len(made), noisy, normals, REACH, surface.rms(noisy)))
+
+    flat = rng.uniform(-HALF, HALF, (6000, 2))
+    past = np.linalg.norm(np.maximum(np.abs(flat) - core, 0), axis=1)
+    flat = flat[past < UPRIGHT - radius]
+    add(TOP, np.column_stack([flat, np.full(len(flat), HIGH)]), np.tile(TOP.axis, (len(flat), 1)))
+    turns, rounds = [], []
+    for axis, way in SIDES:
+
+        def place(angle, along, axis=axis, way=way):
+            out, up = UPRIGHT - radius + radius * np.cos(angle), HIGH - radius + radius * np.sin(angle)
+            xyz, normals = np.empty((len(along), 3)), np.zeros((len(along), 3))
+            xyz[:, axis], xyz[:, 1 - axis], xyz[:, 2] = way * (core[axis] + out), along * core[1 - axis], up
+            normals[:, axis], normals[:, 2] = way * np.cos(angle), np.sin(angle)
+            return xyz, normals
+
+        xyz, normals = place(np.zeros(1500), rng.uniform(-1, 1, 1500))
+        xyz[:, 2] = rng.uniform(0, HIGH - radius, 1500)
+        add(wall_of((axis, way)), xyz, normals)
+        turns.append(place(rng.uniform(0, np.pi / 2, 700), rng.uniform(-1, 1, 700)))
+    for x in (-1, 1):
+        for y in (-1, 1):
+            middle = np.array([x * core[0], y * core[1]])
+
+            def around(turn, angle, x=x, y=y, middle=middle):
+                out = np.column_stack([x * np.cos(turn), y * np.sin(turn)])
+                radial = (UPRIGHT - radius + radius * np.cos(angle))[:, None] * out
+                xyz = np.column_stack([middle + radial, HIGH - radius + radius * np.sin(angle)])
+                return xyz, np.column_stack([np.cos(angle)[:, None] * out, np.sin(angle)])
+
+            xyz, normals = around(rng.uniform(0, np.pi / 2, 1000), np.zeros(1000))
+            xyz[:, 2] = rng.uniform(0, HIGH - radius, 1000)
+            add(cylinder([*middle, 0], [0, 0, 1.0], UPRIGHT), xyz, normals)
+            rounds.append(around(rng.uniform(0, np.pi / 2, 350), rng.uniform(0, np.pi / 2, 350)))
+    return made, turns, rounds
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fillets_go_on_around_rounded_corners(seed):
+    """Of eight fillets two are known; the others share labels with the walls below, the face, and each other."""
+    radius, rng = 0.05, np.random.default_rng(seed)
+    patches, turns, rounds = rounded_block(radius, rng)
+    for k in (0, 1):
+        surface = rolling(TOP, wall_of(SIDES[k]), 1.08 * radius)
+        patches.append(Patch(surface, len(patches), *turns[k], REACH, surface.rms(turns[k][0])))
+    for owner, more in ((5, rounds[0]), (6, rounds[1]), (0, turns[2])):
+        xyz, normals = (
+            np.concatenate(pair) for pair in zip((patches[owner].xyz, patches[owner].normals), more, strict=True)
+        )
+        patches[owner] = supported(patches[owner], patches[owner].surface, xyz, normals)
+    xyz, normals = (np.concatenate(parts) for parts in zip(turns[3], rounds[2], rounds[3], strict=True))
+    patches.append(
+        Patch(cone(xyz.mean(axis=0) - [0, 0, 0.1], [0, 0.6, -0.8], 0.2, 0.6), len(patches), xyz, normals, REACH, 0.01)
+    )
+    result = around(patches)
+    kinds = Counter(p.surface.kind for p in result)
+    assert kinds == {"plane": 5, "cylinder": 8, "torus": 4}
+    for p in (p for p in result if p.surface.kind == "torus"):
+        assert p.surface.minor == pytest.approx(radius, rel=0.1)
+        assert p.surface.radius == pytest.approx(UPRIGHT - radius, rel=0.1)

@@ -237,6 +237,18 @@ def test_points_of_patches_left_out_still_count(block):
     assert verdict.on_solid < solid.verdict.on_solid - 0.1
 
 
+def test_the_noise_of_patches_left_out_still_counts(block):
+    """Else a solid without noisy ones would be judged by a stricter limit than the one with them."""
+    job = make_job(_no_views(), block.points, block.primitives, BrepSettings())
+    solid = attempt(job, Rung("support", 0.04))
+    moved = [replace(p, xyz=p.xyz + 0.003 * p.normals, sigma=0.0002) for p in job.patches]
+    noisy = [replace(p, sigma=0.002) for p in (*moved, *moved)]
+    strict = examine(occ.from_bytes(solid.shape), moved, None, job.settings)
+    same = examine(occ.from_bytes(solid.shape), moved, None, job.settings, left_out=noisy)
+    assert strict.on_solid < 0.1
+    assert same.on_solid > 0.9
+
+
 def test_complexity_counts_faces_first(block):
     surfaces = [p.surface for p in patches_of(block)]
     assert complexity(surfaces, range(7)) == (7, 1)

@@ -1,10 +1,10 @@
-"""Faces that no image shows are proposed to be left out, others are not."""
+"""Faces that no image shows, and fillets of hardly any radius, are proposed to be left out, others are not."""
 
 import numpy as np
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Face, Structure
-from brepgaussian.brep.unshown import unshown
-from brepgaussian.geometry.surfaces import plane
+from brepgaussian.brep.unshown import shrunk, unshown
+from brepgaussian.geometry.surfaces import cylinder, plane
 
 LINE = np.zeros((2, 3))
 
@@ -52,3 +52,30 @@ def test_a_wall_between_two_fillets_stays(monkeypatch):
     assert len(case(rows)) == 1
     monkeypatch.setattr("brepgaussian.brep.unshown.between_fillets", lambda index, _: index == 2)
     assert case(rows) == []
+
+
+PIXEL = 0.003
+UP = np.eye(3)[2]
+
+
+def fillets(radii, convexity=SMOOTH, counts=(1000, 1000, 30, 20)):
+    """What is proposed for a wall, a floor and fillets of some radii between them."""
+    surfaces = [plane(np.zeros(3), UP), plane(np.zeros(3), UP), *(cylinder(np.zeros(3), UP, r, True) for r in radii)]
+    edges = [edge(k, wall, convexity) for k in range(2, len(surfaces)) for wall in (0, 1)]
+    structure = Structure(tuple(Face(k, 1.0, np.zeros(3)) for k in range(len(surfaces))), tuple(edges), ())
+    patches = [patch(10 + k, n) for k, n in zip(range(len(surfaces)), counts, strict=False)]
+    return shrunk(structure, surfaces, patches, PIXEL)
+
+
+def test_fillets_that_no_image_could_show_are_proposed_together_and_alone():
+    both, first, second = fillets([0.003, 0.009])
+    assert (both.gone, first.gone, second.gone) == ((2, 3), (2,), (3,))
+    assert both.faint
+    assert both.excused == 50 / 2050
+    assert [c.gone for c in fillets([0.003, 0.02])] == [(2,)]
+
+
+def test_fillets_that_images_show_large_ones_and_bores_stay():
+    assert fillets([0.012, 0.05]) == []
+    assert fillets([0.003, 0.003], counts=(1000, 1000, 300, 300)) == []
+    assert fillets([0.003, 0.003], convexity=CONCAVE) == []  # a pin or a hole, whose edges are sharp

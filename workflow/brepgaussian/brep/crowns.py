@@ -6,7 +6,7 @@ that are known tell the radius of the others, and every point near the face lies
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ _SQUARE = np.sin(np.radians(8.0))  # of the angle by which a wall may lean from 
 _WIDER = 1.2  # radii of its fillets that a round wall has at least: less is a ball
 _BEYOND = 1.6  # radii from the face and a wall within which points tell the radius
 _LIKE = 1.5  # times that of the known fillets, up or down, that the radius may be
+_UNDER, _BELOW = 0.8, 6.0  # radii, and reaches past a radius, below the face within which walls tell where they run
 _WORSE = 3.0  # noises, and
 _CHORD = 0.1  # radii, by which points of a fillet may be off: silhouettes cut an inner one into chords
 _MEETING = (
@@ -42,62 +43,124 @@ _FEW = 8  # points of a patch
 
 
 @dataclass(frozen=True)
-class _Crown:
-    """A flat face with fillets of one signed radius, positive on convex edges, towards walls.
+class _Rim:
+    """A flat face whose edges may have fillets of one signed radius, positive on convex ones, towards walls.
 
     Attributes:
         top: index of its patch.
-        walls: indices of those of the walls.
+        walls: indices of those that stand square on it.
         radius: of the fillets.
+        patches: all of them, the face level.
+        below: (N,) depths of all points below the face; above it on concave edges.
+        behind: (N,) depths behind the nearest wall, seen along the face's normal; in front of it on concave edges.
+        nearest: (N,) which of the walls that is, -1 where none is near.
     """
 
     top: int
     walls: tuple[int, ...]
     radius: float
+    patches: tuple[Patch, ...]
+    below: Array
+    behind: Array
+    nearest: Indices
+
+    @property
+    def off(self) -> Array:
+        """(N,) distances of points from the face, the wall or the fillet between the two."""
+        radius = abs(self.radius)
+        return _off(self.below, self.behind, radius)
+
+    def on(self, noise: float) -> Indices:
+        """(N,) which of the fillets points lie on and face as, -1: none."""
+        radius, normals = abs(self.radius), np.concatenate([p.normals for p in self.patches])
+        xyz = np.concatenate([p.xyz for p in self.patches])
+        near = np.abs(self.off) <= max(_WORSE * noise, _CHORD * radius)
+        on = np.where(near & (self.below < radius) & (self.behind < radius), self.nearest, -1)
+        for k in range(len(self.walls)):
+            at = np.flatnonzero(on == k)
+            facing = np.einsum("ij,ij->i", self.fillet(k).normals(xyz[at]), normals[at])
+            on[at[facing < _FACING]] = -1
+        return on
+
+    def fillet(self, wall: int) -> Surface:
+        """The surface of one of the fillets."""
+        return builder([self.patches[i].surface for i in (self.walls[wall], self.top)])(self.radius)
+
+    def of(self, index: int) -> slice:
+        """The points of a patch."""
+        start = sum(len(p.xyz) for p in self.patches[:index])
+        return slice(start, start + len(self.patches[index].xyz))
 
 
 def crowned(patches: Sequence[Patch], noise: float) -> list[Change]:
     """One change for every flat face that is rounded further around than its labels say."""
     changes, taken = [], set[int]()
-    for crown, level in _crowns(patches, noise):
-        change = _relabelled(crown, level, noise)
+    resized, blends = blended(patches, noise)
+    edges = [b for b in blends if len(b.faces) == 2]
+    count = Counter(i for b in edges for i in b.faces if patches[i].surface.kind == "plane")
+    for top, _ in sorted(count.items(), key=lambda item: (-item[1], item[0])):
+        known = [b for b in edges if top in b.faces]
+        rim = _told(top, _usual(known, resized), known, patches, noise)
+        change = None if rim is None else _relabelled(rim, noise)
         if change is not None and not taken & set(change.gone):
             taken |= set(change.gone)
             changes.append(change)
     return changes
 
 
-def _crowns(patches: Sequence[Patch], noise: float) -> Iterator[tuple[_Crown, list[Patch]]]:
-    """Flat faces that fillets touch, those with most of them first, with all walls that have one; and the patches.
-
-    The face among these is level: points of its fillets may have tilted it.
-    """
-    resized, blends = blended(patches, noise)
-    edges = [b for b in blends if len(b.faces) == 2]
-    count = Counter(i for b in edges for i in b.faces if patches[i].surface.kind == "plane")
-    for top, _ in sorted(count.items(), key=lambda item: (-item[1], item[0])):
-        known = [b for b in edges if top in b.faces]
-        radius = _usual(known, resized)
-        others = (i for i in range(len(patches)) if i not in {top, *(b.patch for b in known)})
-        upright = tuple(i for i in others if _upright(patches[i], patches[top], radius))
-        told, level = tuple(sorted({i for b in known for i in b.faces} - {top})), list(patches)
-        for _ in range(_ROUNDS):
-            level[top] = _level(_Crown(top, upright, radius), level)
-            radius = _fitted(_Crown(top, told, radius), level, noise)
-        walls = tuple(i for i in upright if _meets(_Crown(top, (i,), radius), level, noise))
-        if len(walls) > 1:
-            yield _Crown(top, walls, radius), level
-
-
 def _usual(blends: Sequence[Blend], patches: Sequence[Patch]) -> float:
     """The signed radius of most points of some fillets."""
-    radii = [
-        (-size(s) if s.flipped else size(s), len(patches[b.patch].xyz))
-        for b in blends
-        for s in [patches[b.patch].surface]
-    ]
-    convex = sum(n for r, n in radii if r > 0) >= sum(n for r, n in radii if r < 0)
-    return float(np.median([r for r, _ in radii if (r > 0) == convex]))
+    surfaces = [patches[b.patch].surface for b in blends]
+    radii = [-size(s) if s.flipped else size(s) for s in surfaces]
+    count = [len(patches[b.patch].xyz) for b in blends]
+    convex = sum(n for r, n in zip(radii, count, strict=True) if r > 0) * 2 >= sum(count)
+    return float(np.median([r for r in radii if (r > 0) == convex]))
+
+
+def _told(top: int, radius: float, known: Sequence[Blend], patches: Sequence[Patch], noise: float) -> _Rim | None:
+    """The rim of a flat face, level, with the radius that known fillets tell; None without walls that have points."""
+    others = (i for i in range(len(patches)) if i not in {top, *(b.patch for b in known)})
+    walls = tuple(i for i in others if _upright(patches[i], patches[top], radius))
+    told = {walls.index(i) for b in known for i in b.faces if i in walls}
+    rim = None
+    for _ in range(_ROUNDS):
+        rim = _rim(top, walls, radius, patches)
+        if rim is None:
+            return None
+        patches = [_level(rim) if i == top else p for i, p in enumerate(patches)]
+        rim = _rim(top, walls, radius, patches)
+        if rim is None:
+            return None
+        radius = _fitted(rim, told, noise)
+    return _rim(top, walls, radius, patches)
+
+
+def _rim(top: int, walls: tuple[int, ...], radius: float, patches: Sequence[Patch]) -> _Rim | None:
+    """A rim with the places of all points on it; None if there are no walls next to where fillets would end."""
+    face, size_ = patches[top].surface, abs(radius)
+    way = -np.sign(radius)
+    xyz = np.concatenate([p.xyz for p in patches])
+    below = way * face.signed_distance(xyz)
+    outline, owner = [], []
+    for k, index in enumerate(walls):
+        wall = patches[index]
+        depth = way * face.signed_distance(wall.xyz)
+        under = wall.xyz[(depth > _UNDER * size_) & (depth < size_ + _BELOW * wall.reach)]
+        outline.append(face.project(under))
+        owner.append(np.full(len(under), k))
+    lines, owners = np.concatenate([*outline, np.zeros((0, 3))]), np.concatenate([*owner, np.zeros(0, int)])
+    if not len(lines):
+        return None
+    nearest = np.full(len(xyz), -1)
+    level = np.flatnonzero(np.abs(below) < _BEYOND * size_)
+    distance, index = cKDTree(lines).query(face.project(xyz[level]), distance_upper_bound=_BEYOND * size_)
+    found = np.isfinite(distance)
+    nearest[level[found]] = owners[index[found]]
+    behind = np.full(len(xyz), np.inf)
+    for k, wall_index in enumerate(walls):
+        at = nearest == k
+        behind[at] = way * patches[wall_index].surface.signed_distance(xyz[at])
+    return _Rim(top, walls, radius, tuple(patches), below, behind, nearest)
 
 
 def _upright(wall: Patch, top: Patch, radius: float) -> bool:
@@ -109,123 +172,81 @@ def _upright(wall: Patch, top: Patch, radius: float) -> bool:
     return wall.surface.kind == "plane" and ahead < _SQUARE
 
 
-def _fillet(crown: _Crown, wall: int, patches: Sequence[Patch]) -> Surface:
-    faces = [patches[i].surface for i in (wall, crown.top)]
-    return builder(faces)(crown.radius)
+def _level(rim: _Rim) -> Patch:
+    """A rim's face through those of its points that are farther from all walls than fillets reach, if there are."""
+    patch = rim.patches[rim.top]
+    xyz = patch.xyz[rim.behind[rim.of(rim.top)] > abs(rim.radius)]
+    if len(xyz) < _FEW:
+        return patch
+    middle = xyz.mean(axis=0)
+    axis = np.linalg.svd(xyz - middle, full_matrices=False)[2][-1]
+    return replace(patch, surface=plane(middle, axis if axis @ patch.surface.axis > 0 else -axis))
 
 
-def _depths(crown: _Crown, patches: Sequence[Patch], xyz: Array) -> tuple[Array, Array]:
-    """(N,) depths of points below the face, and (W, N) behind every wall; on concave edges in front of them.
-
-    Infinite behind walls that have no points nearby.
-    """
-    way, near = -np.sign(crown.radius), _BEYOND * abs(crown.radius)
-    below = way * patches[crown.top].surface.signed_distance(xyz)
-    behind = np.full((len(crown.walls), len(xyz)), np.inf)
-    level = np.flatnonzero(np.abs(below) < near)
-    for row, index in zip(behind, crown.walls, strict=True):
-        wall = patches[index]
-        distance = wall.surface.signed_distance(xyz[level])
-        at = level[np.abs(distance) < near]
-        reach = np.hypot(near, near) + NEARBY * wall.reach
-        at = at[cKDTree(wall.xyz).query(xyz[at], distance_upper_bound=reach)[0] < np.inf]
-        row[at] = way * wall.surface.signed_distance(xyz[at])
-    return below, behind
-
-
-def _fitted(crown: _Crown, patches: Sequence[Patch], noise: float) -> float:
-    """The signed radius that explains the points near a face best."""
-    radius = abs(crown.radius)
-    below, behind = _depths(crown, patches, _all(patches)[0])
-    nearest = behind.min(axis=0)
-    some = (np.abs(below) < _BEYOND * radius) & (np.abs(nearest) < _BEYOND * radius)
+def _fitted(rim: _Rim, told: set[int], noise: float) -> float:
+    """The signed radius that explains the points towards some of a rim's walls best."""
+    radius = abs(rim.radius)
+    some = np.isin(rim.nearest, sorted(told)) & (np.abs(rim.behind) < _BEYOND * radius)
     if some.sum() < _FEW:
-        return crown.radius
+        return rim.radius
     worst = max(_WORSE * noise, _CHORD * radius)
+    below, behind = rim.below[some], rim.behind[some]
 
     def cost(value: float) -> float:
-        off = _off(below[some], nearest[some], value)
-        return float(np.minimum(np.abs(off), worst).mean())
+        return float(np.minimum(np.abs(_off(below, behind, value)), worst).mean())
 
     best = minimize_scalar(cost, bounds=(radius / _LIKE, radius * _LIKE), method="bounded").x
-    return float(np.copysign(best, crown.radius))
+    return float(np.copysign(best, rim.radius))
 
 
 def _off(below: Array, behind: Array, radius: float) -> Array:
     """(N,) distances of points from a square edge that is rounded."""
     within = (below < radius) & (behind < radius)
-    return np.where(within, radius - np.hypot(radius - below, radius - behind), np.minimum(below, behind))
+    inside = [np.where(within, radius - depth, 0.0) for depth in (below, behind)]
+    return np.where(within, radius - np.hypot(*inside), np.minimum(below, behind))
 
 
-def _on(crown: _Crown, patches: Sequence[Patch], some: Sequence[Patch], noise: float) -> Indices:
-    """(N,) which of a crown's fillets the points of some patches lie on and face as, -1: none."""
-    xyz, normals = _all(some)
-    below, behind = _depths(crown, patches, xyz)
-    nearest, radius = behind.argmin(axis=0), abs(crown.radius)
-    least = behind[nearest, np.arange(len(xyz))]
-    near = np.abs(_off(below, least, radius)) <= max(_WORSE * noise, _CHORD * radius)
-    on = np.where(near & (below < radius) & (least < radius), nearest, -1)
-    for k, wall in enumerate(crown.walls):
-        at = np.flatnonzero(on == k)
-        facing = np.einsum("ij,ij->i", _fillet(crown, wall, patches).normals(xyz[at]), normals[at])
-        on[at[facing < _FACING]] = -1
-    return on
-
-
-def _all(patches: Sequence[Patch]) -> tuple[Array, Array]:
-    """(N, 3) points and normals of patches."""
-    return np.concatenate([p.xyz for p in patches]), np.concatenate([p.normals for p in patches])
-
-
-def _meets(crown: _Crown, patches: Sequence[Patch], noise: float) -> bool:
-    """Whether the points of a fillet towards a crown's only wall go along both the wall and the face."""
-    radius, (wall,) = abs(crown.radius), crown.walls
-    xyz = _all(patches)[0]
-    below, behind = _depths(crown, patches, xyz)
-    edge = np.maximum(below, behind[0]) < _MIDDLE * radius
-    band = edge & (_on(crown, patches, patches, noise) == 0)
+def _meets(rim: _Rim, wall: int, on: Indices) -> bool:
+    """Whether the points of a fillet go along both the wall and the face."""
+    radius, here = abs(rim.radius), rim.nearest == wall
+    edge = here & (np.maximum(rim.below, rim.behind) < _MIDDLE * radius)
+    band = edge & (on == wall)
     if band.sum() < max(_FEW, _MEETING * edge.sum()):
         return False
-    tree = cKDTree(xyz[band])
-    for index, kept in ((wall, 0), (crown.top, 1)):
-        patch = patches[index]
-        below, behind = _depths(crown, patches, patch.xyz)
-        far, other = (below, behind[0]) if kept == 0 else (behind[0], below)
-        next_to = patch.xyz[(far > radius) & (far < radius + NEARBY * patch.reach) & (np.abs(other) < radius / 2)]
-        if len(next_to) < _FEW:
-            return False
+    tree = cKDTree(np.concatenate([p.xyz for p in rim.patches])[band])
+    for index, (far, other) in ((rim.walls[wall], (rim.below, rim.behind)), (rim.top, (rim.behind, rim.below))):
+        patch, own = rim.patches[index], rim.of(index)
+        beside = here & (far > radius) & (far < radius + NEARBY * patch.reach) & (np.abs(other) < radius / 2)
+        next_to = patch.xyz[beside[own]]
         reach = NEARBY * patch.reach + radius * (np.pi / 4)
-        if np.mean(tree.query(next_to, distance_upper_bound=reach)[0] < np.inf) < _MEETING:
+        if len(next_to) < _FEW or np.mean(tree.query(next_to, distance_upper_bound=reach)[0] < np.inf) < _MEETING:
             return False
     return True
 
 
-def _relabelled(crown: _Crown, patches: Sequence[Patch], noise: float) -> Change | None:
-    """Every fillet of a crown with its own points, and what these leave of the others; None if all are known."""
-    on = [_on(crown, patches, [p], noise) for p in patches]
-    fillets = range(len(crown.walls))
-    if all(_is_known(k, on) for k in fillets):
+def _relabelled(rim: _Rim, noise: float) -> Change | None:
+    """Every fillet of a rim with its own points, and what these leave of the others; None if all are known."""
+    every, patches = rim.on(noise), rim.patches
+    fillets = [k for k in range(len(rim.walls)) if _meets(rim, k, every)]
+    every = np.where(np.isin(every, fillets), every, -1)
+    on = [every[rim.of(i)] for i in range(len(patches))]
+    if len(fillets) < 2 or all(_is_known(k, on) for k in fillets):
         return None
-    faces = {crown.top, *crown.walls}
+    faces = {rim.top, *rim.walls}
     changed = [i for i, k in enumerate(on) if (k >= 0).any()]
     gone = [i for i in changed if i not in faces and (on[i] >= 0).mean() > _MOSTLY]
-    new = []
-    for i in (i for i in changed if i not in gone):
-        rest = on[i] < 0
-        if rest.sum() >= _FEW:
-            new.append(supported(patches[i], patches[i].surface, patches[i].xyz[rest], patches[i].normals[rest]))
-    number = next_number(patches)
-    like = patches[crown.top]
+    new = [_without(patches[i], on[i] >= 0) for i in changed if i not in gone and (on[i] < 0).sum() >= _FEW]
+    number, like = next_number(patches), patches[rim.top]
     for k in fillets:
-        xyz, normals = (
-            np.concatenate([getattr(p, name)[o == k] for p, o in zip(patches, on, strict=True)])
-            for name in ("xyz", "normals")
-        )
-        if len(xyz) >= _FEW:
-            surface = _fillet(crown, crown.walls[k], patches)
-            new.append(supported(replace(like, primitive=number + k), surface, xyz, normals))
-    name = f"{len(fillets)} fillets of radius {abs(crown.radius):.3f} around patch {like.primitive}"
+        xyz = np.concatenate([p.xyz[o == k] for p, o in zip(patches, on, strict=True)])
+        normals = np.concatenate([p.normals[o == k] for p, o in zip(patches, on, strict=True)])
+        new.append(supported(replace(like, primitive=number + k), rim.fillet(k), xyz, normals))
+    name = f"{len(fillets)} fillets of radius {abs(rim.radius):.3f} around patch {like.primitive}"
     return Change(name, tuple(changed), tuple(new), smooth=True)
+
+
+def _without(patch: Patch, gone: NDArray[np.bool_]) -> Patch:
+    return supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone])
 
 
 def _is_known(fillet: int, on: Sequence[Indices]) -> bool:
@@ -233,14 +254,3 @@ def _is_known(fillet: int, on: Sequence[Indices]) -> bool:
     counts = np.array([(k == fillet).sum() for k in on])
     best = int(counts.argmax())
     return bool(counts[best] >= _OWN * counts.sum() and counts[best] >= _OWN * len(on[best]))
-
-
-def _level(crown: _Crown, patches: Sequence[Patch]) -> Patch:
-    """A crown's face through those of its points that are farther from all walls than fillets reach, if there are."""
-    patch = patches[crown.top]
-    xyz = patch.xyz[_depths(crown, patches, patch.xyz)[1].min(axis=0) > abs(crown.radius)]
-    if len(xyz) < _FEW:
-        return patch
-    middle = xyz.mean(axis=0)
-    axis = np.linalg.svd(xyz - middle, full_matrices=False)[2][-1]
-    return replace(patch, surface=plane(middle, axis if axis @ patch.surface.axis > 0 else -axis))

@@ -62,7 +62,8 @@ def examine(
     on = np.array([same[f.surface] if f.surface >= 0 else -1 for f in structure.faces])[owner[source]]
     explained, bare = _explain(patches, same, samples, weight, on)
     sizes = np.array([0 if p.cap else len(p.xyz) for p in patches])
-    near = _Nearness(samples, surfaces, np.array([f.surface for f in structure.faces])[owner[source]], patches)
+    faces = np.array([f.surface for f in structure.faces])
+    near = _Nearness(samples, surfaces, faces[owner[source]], (*patches, *left_out))
     low = [i for i, p in enumerate(patches) if explained[i] < settings.gate_explained and not p.cap]
     iou = silhouettes.iou(nodes[triangles]) if silhouettes is not None else None
     about = {i: f"patch {patches[i].primitive} is explained to {explained[i]:.0%}" for i in low}
@@ -97,7 +98,10 @@ class _Nearness:
     """How near points are to a solid: to the surfaces of the faces beside them."""
 
     def __init__(self, samples: Array, surfaces: Sequence[Surface], on: Indices, patches: Sequence[Patch]) -> None:
-        """Take samples on the solid's faces, (N,) the surface of each, and the patches, which know the noise."""
+        """Take samples on the solid's faces, (N,) the surface of each, and the patches, which know the noise.
+
+        Those that are left out, too: solids with and without them are compared.
+        """
         self._tree, self._surfaces, self._on = cKDTree(samples), surfaces, on
         self._limit = _SIGMAS * float(np.median([p.sigma for p in patches if not p.cap] or [0.0]))
 

@@ -55,6 +55,7 @@ class Change:
         new: what takes their place; empty if they are left out.
         excused: share of all points that may leave the solid with them.
         smooth: whether the patches that it replaces are taken to meet smoothly.
+        faint: whether these are too small for the images to tell their edges from that of a sharp corner.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Change:
     new: tuple[Patch, ...]
     excused: float = 0.0
     smooth: bool = False
+    faint: bool = False
 
 
 def proposals(patches: Sequence[Patch], noise: float, seed: int, refined: Sequence[Surface] = ()) -> list[Change]:

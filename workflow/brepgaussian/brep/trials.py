@@ -1,6 +1,6 @@
 """Simpler solids tried against the images: what they explain as well with fewer or simpler faces is taken."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import zip_longest
@@ -39,7 +39,7 @@ from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.slants import refused_slants, slants
 from brepgaussian.brep.structure import Structure
 from brepgaussian.brep.symmetry import carried
-from brepgaussian.brep.unshown import unshown
+from brepgaussian.brep.unshown import shrunk, unshown
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker, WorkerError
 from brepgaussian.errors import BrepGaussianError
@@ -217,9 +217,10 @@ class Trials:
     def _proposals(self) -> list[Change]:
         """Simpler solids; but what touches its neighbours has one free parameter, less than a plane."""
         patches, noise, seed = self.job.patches, self._noise(), self.job.settings.seed
-        found = proposals(patches, noise, seed, self.best.attempt.surfaces)
+        known, surfaces = self._judged(), self.best.attempt.surfaces
+        found = [] if known is None else shrunk(known[0], surfaces, patches, self.views.cameras.footprint())
+        found += proposals(patches, noise, seed, surfaces)
         found += [*facets_as_fillets(patches, noise, np.random.default_rng(seed)), *flattened(patches)]
-        known = self._judged()
         found += [] if known is None else unshown(known[0], patches, known[1])
         rolled = {b.patch for b in self.job.blends}
         return [c for c in found if not (c.new and rolled & set(c.gone))]
@@ -294,6 +295,7 @@ class Trials:
         job, before = applied(self.job, changes), self.best.attempt.verdict
         fault, known = "", set[Shape]()
         smooth = {i for change in changes if change.smooth for i in change.gone}
+        old = _without_edges(self.best, {i for change in changes if change.faint for i in change.gone})
         for rung in _rungs(self.rung, job):
             self.left.solids -= 1
             try:
@@ -313,7 +315,7 @@ class Trials:
                 fault = "the points are explained less"
             elif _off(verdict, before, job.settings):
                 fault = "silhouettes are off by far"
-            elif simpler and (lost := forlorn(attempt, self.best, smooth)):
+            elif simpler and (lost := forlorn(attempt, old, smooth)):
                 fault = lost
             else:
                 self.left.refined()
@@ -321,7 +323,7 @@ class Trials:
                 polished = polish(self.worker, job, rung, attempt, self.views, worst)
                 known |= {shape} if polished.report.get("refined") else set()
                 fault = (
-                    against(polished, self.best, job.settings, smooth)
+                    against(polished, old, job.settings, smooth)
                     if simpler
                     else short_of(polished, self.best, job.settings)
                 )
@@ -330,6 +332,11 @@ class Trials:
                 if not fault:
                     return "", (job, rung, polished)
         return fault, None
+
+
+def _without_edges(known: Polished, surfaces: Collection[int]) -> Polished:
+    """A solid of which the images show no edges of some surfaces."""
+    return replace(known, shown=tuple(e for e in known.shown if not set(e.surfaces) & set(surfaces)))
 
 
 def _off(verdict: Verdict, before: Verdict, settings: BrepSettings) -> bool:

@@ -2,6 +2,9 @@
 
 Where silhouettes see through a slot and no view shows the wall below it, the hull is cut straight there, and a plane
 lies before the curved wall. No silhouette refuses it, and no step of luminance is at its edges.
+
+And fillets of hardly any radius: points are rounded off in the corners of a hole, and become a face of their own, which
+the images then shrink to less than they can show.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,8 +14,11 @@ from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.shown import edge_rows, is_shown
 from brepgaussian.brep.simplify import Change, between_fillets
 from brepgaussian.brep.structure import SMOOTH, Structure
+from brepgaussian.geometry.surfaces import Surface
 
 _MOST = 0.04  # of all points: a larger face is none that nobody sees
+_SAGITTA = 0.4  # radii from a square edge to the fillet that rounds it off
+_LEAST = 1.5  # pixels that this is at least: of less, the points are no reason, and images say if they mind
 
 
 def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapping[str, Any]]) -> list[Change]:
@@ -34,3 +40,34 @@ def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapp
         if own and share <= _MOST and shown.isdisjoint(own) and not between_fillets(index, patches):
             found.append(Change(f"without patch {patch.primitive}, which no image shows", (index,), (), share))
     return found
+
+
+def shrunk(
+    structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], footprint: float
+) -> list[Change]:
+    """The fillets left out whose radius the images have made too small to be seen: all, then each alone.
+
+    Args:
+        structure: of the present solid.
+        surfaces: that it names, as the images have them.
+        patches: that it is made of.
+        footprint: of a pixel, unit frame.
+    """
+    total = sum(len(p.xyz) for p in patches)
+    small = []
+    for index, (surface, patch) in enumerate(zip(surfaces, patches, strict=False)):
+        smooth = sum(e.convexity == SMOOTH for e in structure.edges if index in e.surfaces)
+        seen = _SAGITTA * surface.radius >= _LEAST * footprint
+        if surface.kind == "cylinder" and smooth == 2 and not seen and len(patch.xyz) <= _MOST * total:
+            small.append(index)
+    groups = [tuple(small)] if len(small) > 1 else []
+    return [_left_out(group, patches, total) for group in [*groups, *((k,) for k in small)]]
+
+
+def _left_out(group: tuple[int, ...], patches: Sequence[Patch], total: int) -> Change:
+    names = ", ".join(str(patches[i].primitive) for i in group)
+    name = (
+        f"without patches {names}, too small a fillet each" if len(group) > 1 else f"without patch {names}, too small"
+    )
+    share = sum(len(patches[i].xyz) for i in group) / total
+    return Change(name, group, (), share, faint=True)

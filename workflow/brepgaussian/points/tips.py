@@ -92,7 +92,9 @@ def _to_the_tip(
     length = float(np.linalg.norm(np.diff(tip.points, axis=0), axis=1).sum()) + _MEETING * spacing
     tail = extended(path, surfaces[curve.pair[0]], surfaces[curve.pair[1]], length, step)
     along = cKDTree(tip.points).query(tail)[0] < _MEETING * spacing if len(tail) else np.zeros(0, bool)
-    tail = tail[: len(tail) if along.all() else int(np.argmin(along))]  # a curve may leave the tip, or lead away from it
+    tail = tail[
+        : len(tail) if along.all() else int(np.argmin(along))
+    ]  # a curve may leave the tip, or lead away from it
     if not len(tail):
         return curve
     off = np.abs(other.signed_distance(tail))

@@ -176,7 +176,7 @@ PARTS: dict[str, PartInfo] = {
     "port_cover": PartInfo("mounts", "a boss below a cover", HOLDOUT),
     "machine_foot": PartInfo("mounts", "a low pad below a foot, a stud", HOLDOUT),
     "rocker_arm": PartInfo("links", "two bosses on a web that is tangent to both", HOLDOUT),
-    "stop_block": PartInfo("links", "fillets around a top with rounded corners, a slot through, a blind hole", HOLDOUT),
+    "stop_block": PartInfo("links", "fillets around a top with rounded corners, a slot through, a blind hole", TUNED),
     "hose_barb": PartInfo("links", "two barbs, a hexagon, a bore", HOLDOUT),
     "nozzle_plate": PartInfo("links", "a grid of holes, two countersunk ones", HOLDOUT),
 }
