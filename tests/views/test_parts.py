@@ -146,12 +146,25 @@ DRILLED = {
     "ring_housing": (8, 3, 0, 0, 0),
     "seal_carrier": (5, 9, 1, 0, 0),
 }
-COUNTED = DRILLED | FIXTURE | MOUNTS | ROUNDED | TRAYS
+LINKS = {
+    "rocker_arm": (6, 4, 0, 0, 0),
+    "stop_block": (11, 9, 0, 0, 4),
+    "hose_barb": (12, 3, 2, 0, 0),
+    "nozzle_plate": (6, 15, 2, 0, 0),
+}
+COUNTED = DRILLED | FIXTURE | LINKS | MOUNTS | ROUNDED | TRAYS
 
 
 @pytest.mark.parametrize(
     ("module", "counted"),
-    [("drilled", DRILLED), ("fixture", FIXTURE), ("mounts", MOUNTS), ("rounded", ROUNDED), ("trays", TRAYS)],
+    [
+        ("drilled", DRILLED),
+        ("fixture", FIXTURE),
+        ("links", LINKS),
+        ("mounts", MOUNTS),
+        ("rounded", ROUNDED),
+        ("trays", TRAYS),
+    ],
 )
 def test_every_part_of_a_module_is_counted(module, counted):
     assert set(counted) == {name for name, info in PARTS.items() if info.module == module}

@@ -139,7 +139,7 @@ PARTS: dict[str, PartInfo] = {
     "latch_arm": PartInfo("mounts", "a hook with a sloped nose, a rib that ends before it, a round end", HOLDOUT),
     "spoked_wheel": PartInfo("rounded", "a hub that stands out of a rim, seen between spokes", TUNED),
     "rounded_case": PartInfo("rounded", "all edges rounded, with balls in the corners", TUNED),
-    "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", HOLDOUT),
+    "rounded_angle": PartInfo("rounded", "rounded edges whose fillets meet without a ball", TUNED),
     "hat_bracket": PartInfo("rounded", "thin walls folded four times, a window with rounded corners", TUNED),
     "offset_sheet": PartInfo("rounded", "a thin sheet whose bends are rounded inside and outside", TUNED),
     "boss_tray": PartInfo("trays", "a pad and a post on a pocket's floor that end below its rim", TUNED),
