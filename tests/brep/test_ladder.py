@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brepgaussian.artifacts.primitives import Primitive, Primitives
-from brepgaussian.brep import ladder, occ, publish
+from brepgaussian.brep import explanations, ladder, occ, publish
 from brepgaussian.brep.gate import integrity
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.ladder import _guessed, climb, make_job, other_jobs
@@ -152,7 +152,7 @@ def test_small_faces_that_look_poor_are_tried_where_a_solid_is_refused(kit):
 
 def test_what_explains_other_patches_is_tried_with_small_faces_too(kit, monkeypatch):
     points, primitives, job = with_a_poor_face(kit)
-    monkeypatch.setattr(ladder, "rolled", lambda job, sigma: iter([replace(job, clear=True)]))
+    monkeypatch.setattr(explanations, "rolled", lambda job, sigma: iter([replace(job, clear=True)]))
     tried = [len(other.patches) for other in other_jobs(points, primitives, job) if other.clear]
     assert tried[:2] == [6, 7]
 

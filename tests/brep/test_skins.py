@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.brep.job import Job
-from brepgaussian.brep.ladder import bared
+from brepgaussian.brep.explanations import bared
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.skins import ramps, skins
 from brepgaussian.geometry.surfaces import cylinder, plane

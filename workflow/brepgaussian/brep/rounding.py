@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from brepgaussian.brep import occ
 from brepgaussian.brep.blends import Blend, levels, size
 from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.solid import clean
 from brepgaussian.brep.structure import SAMPLE_SPACING, extract
 from brepgaussian.errors import StageError
 
@@ -49,7 +50,7 @@ def rounded_off(solid: Any, patches: Sequence[Patch], blends: Sequence[Blend]) -
         if len(found) != 1:
             raise StageError("the kernel cannot round the edges off")
         solid = found[0]
-    return solid
+    return clean(solid)  # an edge that a seam parts gives two fillets of one surface
 
 
 def _edges(solid: Any, surfaces: Sequence[Any]) -> Iterator[tuple[Any, set[int]]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
+from brepgaussian.brep.explanations import rolled
 from brepgaussian.brep.facets import facets_as_fillets, lone_facets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
@@ -222,8 +223,8 @@ class Trials:
         found += proposals(patches, noise, seed, surfaces)
         found += [*facets_as_fillets(patches, noise, np.random.default_rng(seed)), *flattened(patches)]
         found += [] if known is None else unshown(known[0], patches, known[1])
-        rolled = {b.patch for b in self.job.blends}
-        return [c for c in found if not (c.new and rolled & set(c.gone))]
+        blends = {b.patch for b in self.job.blends}
+        return [c for c in found if not (c.new and blends & set(c.gone))]
 
     def _borders(self) -> list[Change]:
         """Faces that share a label with a piece of the fillet beside them."""
@@ -292,11 +293,12 @@ class Trials:
         self, changes: list[Change], simpler: bool, slack: float, enough: Enough | None
     ) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
-        job, before = applied(self.job, changes), self.best.attempt.verdict
-        fault, known = "", set[Shape]()
+        plain, before = applied(self.job, changes), self.best.attempt.verdict
+        fault, known, built = "", set[Shape](), list[bool]()
         smooth = {i for change in changes if change.smooth for i in change.gone}
         old = _without_edges(self.best, {i for change in changes if change.faint for i in change.gone})
-        for rung in _rungs(self.rung, job):
+        fillets = {patch.primitive for change in changes if change.smooth for patch in change.new}
+        for job, rung in self._buildings(plain, bool(fillets), built):
             self.left.solids -= 1
             try:
                 attempt: Attempt = self.worker.call("assemble:attempt", (job, rung), job.settings.time_limit_s)
@@ -307,6 +309,7 @@ class Trials:
             if attempt.shape is not None and shape in known:
                 continue  # one and the same solid again
             fault = "; ".join(verdict.faults)
+            built.append(attempt.shape is not None and fillets <= _faces_of(attempt, job))
             if attempt.shape is None:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
@@ -333,10 +336,24 @@ class Trials:
                     return "", (job, rung, polished)
         return fault, None
 
+    def _buildings(self, job: Job, fillets: bool, built: Sequence[bool]) -> Iterator[tuple[Job, Rung]]:
+        """What a changed job is built on; with fillets rolled where none was `built` with them: they only touch."""
+        rungs = _rungs(self.rung, job)
+        yield from ((job, rung) for rung in rungs)
+        if fillets and not any(built):
+            yield from ((other, rungs[0]) for other in rolled(job, self._noise()))
+
 
 def _without_edges(known: Polished, surfaces: Collection[int]) -> Polished:
     """A solid of which the images show no edges of some surfaces."""
     return replace(known, shown=tuple(e for e in known.shown if not set(e.surfaces) & set(surfaces)))
+
+
+def _faces_of(attempt: Attempt, job: Job) -> set[int]:
+    """Primitives of the patches that have faces in a solid."""
+    structure = attempt.verdict.structure
+    on = set() if structure is None else {face.surface for face in structure.faces}
+    return {patch.primitive for k, patch in enumerate(job.patches) if k in on}
 
 
 def _off(verdict: Verdict, before: Verdict, settings: BrepSettings) -> bool:

@@ -34,6 +34,7 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
+_REFUTED = 1.0  # tolerances by which views differ about a surface that is none (openings that are true: up to .92)
 _LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8)
 _CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
 _MUCH_DEEPER = 4.0  # cells: floors and tops that views take for each other are farther apart
@@ -322,10 +323,11 @@ def _agreeable(
     """Whether views agree better where an opening has changed the hull, as far as they tell.
 
     In a bore, what shows through its far mouth passes for a hole in its wall. Against a floor that was told, the few
-    rays that tell anything may not disagree more.
+    rays that tell anything may not disagree more; else not so much more that they refute what was opened, too.
     """
     old, new, count = said = disagreements(images, before, after, reach)
-    agreeable = better(said, _GAIN, _LEAST_RAYS, untold=not floor_told or new <= old)
+    untold = new <= old or not (floor_told or new > _REFUTED)
+    agreeable = better(said, _GAIN, _LEAST_RAYS, untold)
     logger.info(
         "opening of area %.4f, as far as told: views disagree by %.2f for %.2f of the hull, %d rays%s",
         prism.area, new, old, count, "" if agreeable else ": not believed",
