@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brepgaussian.artifacts.primitives import Primitive, Primitives
-from brepgaussian.brep import explanations, ladder, occ, publish
+from brepgaussian.brep import explanations, occ, publish
 from brepgaussian.brep.gate import integrity
 from brepgaussian.brep.job import Attempt
 from brepgaussian.brep.ladder import _guessed, climb, make_job, other_jobs

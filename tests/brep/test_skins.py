@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from brepgaussian.brep.job import Job
 from brepgaussian.brep.explanations import bared
+from brepgaussian.brep.job import Job
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.skins import ramps, skins
 from brepgaussian.geometry.surfaces import cylinder, plane
