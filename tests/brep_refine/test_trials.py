@@ -1,5 +1,8 @@
 """The images decide: over-segmented and bent solids become the simpler ones that they show, and no more."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from brepgaussian.artifacts.points import Points
@@ -12,6 +15,7 @@ from brepgaussian.brep.ladder import climb, make_job
 from brepgaussian.brep.polish import Polished, badness
 from brepgaussian.brep.refine.accept import Acceptance
 from brepgaussian.brep.refine.refinement import better
+from brepgaussian.brep.shown import ShownEdge
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.brep.worker import Worker
@@ -166,3 +170,35 @@ def test_what_a_mend_puts_right_is_simplified_again(part, monkeypatch, mended, e
     assert one.run().report == {"accepted": True}
     assert asked == expected
     assert one.left.refinements == (SETTINGS.simplify_trials if mended else 0)
+
+
+@pytest.mark.parametrize(("on", "expected"), [((0, 1, 2), [False]), ((0, 1), [False, True]), (None, [False, True])])
+def test_fillets_are_rolled_where_no_solid_has_them(part, monkeypatch, on, expected):
+    """Sheets that only touch give none, or one without the fillet."""
+    tried = []
+
+    class Leaving:
+        def call(self, name, args, limit):
+            tried.append(args[0].clear)
+            faces = tuple(SimpleNamespace(surface=k) for k in on or ())
+            verdict = Verdict((), iou=0.5, structure=SimpleNamespace(faces=faces, edges=()))
+            return Attempt("support", None if on is None else b"solid", verdict)
+
+    job = make_job(*part, SETTINGS)
+    job = replace(job, patches=job.patches[:3])
+    monkeypatch.setattr(trials, "rolled", lambda job, noise: iter([replace(job, clear=True)]))  # told apart by that
+    best = Polished(Attempt("support", b"solid", Verdict((), iou=0.99)), {"accepted": True})
+    one = trials.Trials(Leaving(), None, job, Rung("support", 0.04), best, Budget(9, 9))
+    assert not one._tried([Change("a fillet", (2,), (job.patches[2],), smooth=True)], simpler=False)
+    assert tried == expected
+    tried.clear()
+    one.refused.clear()
+    assert not one._tried([Change("no fillet", (2,), (job.patches[2],))], simpler=False)
+    assert tried == [False]
+
+
+def test_edges_too_faint_to_be_told_are_not_lost():
+    shown = tuple(ShownEdge(np.zeros((2, 3)), 0.05, 30, 0.003, surfaces=pair) for pair in ((0, 1), (1, 2), (2, 3)))
+    known = Polished(Attempt("support", b"solid", Verdict(())), {}, shown)
+    assert [e.surfaces for e in trials._without_edges(known, {2}).shown] == [(0, 1)]
+    assert trials._without_edges(known, set()).shown == shown

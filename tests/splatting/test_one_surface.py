@@ -39,3 +39,22 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     assert carve._worse(images, hull, opened, wide)
     assert not carve._worse(images, hull, opened, replace(wide, draft=0.0))  # straight ones are judged by their rays
     assert not carve._worse(images, hull, hull, wide)
+
+
+@pytest.mark.parametrize(
+    ("said", "floor_told", "expected"),
+    [
+        ((1.05, 1.36, 51), False, False),  # few rays, which refute what was opened as well
+        ((0.29, 0.60, 35), False, True),  # few, which differ as they do about true surfaces
+        ((1.20, 1.10, 51), False, True),
+        ((0.0, 0.3, 0), False, True),  # none
+        ((0.29, 0.60, 35), True, False),
+        ((0.60, 0.29, 35), True, True),
+        ((0.60, 0.58, 200), False, False),  # enough to judge
+        ((0.60, 0.29, 200), False, True),
+    ],
+)
+def test_few_rays_do_not_judge_an_opening_unless_they_refute_it(monkeypatch, said, floor_told, expected):
+    monkeypatch.setattr(carve, "disagreements", lambda *_: said)
+    mouth = disc(0.3, 1.0, 0.01)
+    assert carve._agreeable(None, None, None, mouth, 0.01, floor_told) is expected
