@@ -202,3 +202,19 @@ def test_edges_too_faint_to_be_told_are_not_lost():
     known = Polished(Attempt("support", b"solid", Verdict(())), {}, shown)
     assert [e.surfaces for e in trials._without_edges(known, {2}).shown] == [(0, 1)]
     assert trials._without_edges(known, set()).shown == shown
+
+
+@pytest.mark.parametrize(("caps", "fault"), [(1, "a face is guessed instead"), (0, "silhouettes are off by far")])
+def test_a_face_that_is_guessed_is_no_simpler_one(part, caps, fault):
+    def solid(faces, **figures):
+        structure = SimpleNamespace(faces=[SimpleNamespace(surface=-1)] * faces)
+        return Attempt("support", bytes(faces), Verdict((), structure=structure, **figures))
+
+    class Capped:
+        def call(self, *_):
+            return solid(8, iou=0.5, caps=caps)
+
+    best = Polished(solid(9, iou=0.99), {"accepted": True})
+    one = trials.Trials(Capped(), None, make_job(*part, SETTINGS), Rung("support", 0.04), best, Budget(2, 2))
+    assert not one._tried([Change("without the end of a slot", (), ())])
+    assert one.notes[0]["fault"] == fault

@@ -314,6 +314,8 @@ class Trials:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
                 fault = "no simpler"
+            elif simpler and verdict.caps > before.caps:
+                fault = "a face is guessed instead"
             elif simpler and _explains_less(verdict, before, slack + sum(c.excused for c in changes)):
                 fault = "the points are explained less"
             elif _off(verdict, before, job.settings):
