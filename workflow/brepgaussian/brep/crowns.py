@@ -29,12 +29,8 @@ _LIKE = 1.5  # times that of the known fillets, up or down, that the radius may 
 _UNDER, _BELOW = 0.8, 6.0  # radii, and reaches past a radius, below the face within which walls tell where they run
 _WORSE = 3.0  # noises, and
 _CHORD = 0.1  # radii, by which points of a fillet may be off: silhouettes cut an inner one into chords
-_MEETING = (
-    0.6  # of points near an edge that lie on its fillet, and of those next to it that have some of it beside them
-)
-_FACING = np.cos(
-    np.radians(30.0)
-)  # between a point's normal and that of its fillet: faces that end there are square on it
+_MEETING = 0.6  # of the points near an edge that lie on its fillet, and of those next to it that have it beside them
+_FACING = np.cos(np.radians(30.0))  # between a point's normal and its fillet's: faces that end there are square on it
 _MIDDLE = 0.6  # radii below the face and behind the wall: 25 to 65 of the 90 degrees; the rest is near sharp edges, too
 _ROUNDS = 3  # of fitting the face and the radius
 _OWN = 0.7  # of a patch's points that lie on one fillet and of a fillet's points that are its: it is known already
@@ -65,16 +61,14 @@ class _Rim:
     nearest: Indices
 
     @property
-    def off(self) -> Array:
-        """(N,) distances of points from the face, the wall or the fillet between the two."""
-        radius = abs(self.radius)
-        return _off(self.below, self.behind, radius)
+    def xyz(self) -> Array:
+        """(N, 3) the points."""
+        return _points(self.patches)
 
     def on(self, noise: float) -> Indices:
         """(N,) which of the fillets points lie on and face as, -1: none."""
-        radius, normals = abs(self.radius), np.concatenate([p.normals for p in self.patches])
-        xyz = np.concatenate([p.xyz for p in self.patches])
-        near = np.abs(self.off) <= max(_WORSE * noise, _CHORD * radius)
+        radius, xyz, normals = abs(self.radius), self.xyz, np.concatenate([p.normals for p in self.patches])
+        near = np.abs(_off(self.below, self.behind, radius)) <= max(_WORSE * noise, _CHORD * radius)
         on = np.where(near & (self.below < radius) & (self.behind < radius), self.nearest, -1)
         for k in range(len(self.walls)):
             at = np.flatnonzero(on == k)
@@ -137,23 +131,22 @@ def _told(top: int, radius: float, known: Sequence[Blend], patches: Sequence[Pat
 
 def _rim(top: int, walls: tuple[int, ...], radius: float, patches: Sequence[Patch]) -> _Rim | None:
     """A rim with the places of all points on it; None if there are no walls next to where fillets would end."""
-    face, size_ = patches[top].surface, abs(radius)
-    way = -np.sign(radius)
-    xyz = np.concatenate([p.xyz for p in patches])
+    face, large, way = patches[top].surface, abs(radius), -np.sign(radius)
+    xyz = _points(patches)
     below = way * face.signed_distance(xyz)
     outline, owner = [], []
     for k, index in enumerate(walls):
         wall = patches[index]
         depth = way * face.signed_distance(wall.xyz)
-        under = wall.xyz[(depth > _UNDER * size_) & (depth < size_ + _BELOW * wall.reach)]
+        under = wall.xyz[(depth > _UNDER * large) & (depth < large + _BELOW * wall.reach)]
         outline.append(face.project(under))
         owner.append(np.full(len(under), k))
     lines, owners = np.concatenate([*outline, np.zeros((0, 3))]), np.concatenate([*owner, np.zeros(0, int)])
     if not len(lines):
         return None
     nearest = np.full(len(xyz), -1)
-    level = np.flatnonzero(np.abs(below) < _BEYOND * size_)
-    distance, index = cKDTree(lines).query(face.project(xyz[level]), distance_upper_bound=_BEYOND * size_)
+    level = np.flatnonzero(np.abs(below) < _BEYOND * large)
+    distance, index = cKDTree(lines).query(face.project(xyz[level]), distance_upper_bound=_BEYOND * large)
     found = np.isfinite(distance)
     nearest[level[found]] = owners[index[found]]
     behind = np.full(len(xyz), np.inf)
@@ -213,7 +206,7 @@ def _meets(rim: _Rim, wall: int, on: Indices) -> bool:
     band = edge & (on == wall)
     if band.sum() < max(_FEW, _MEETING * edge.sum()):
         return False
-    tree = cKDTree(np.concatenate([p.xyz for p in rim.patches])[band])
+    tree = cKDTree(rim.xyz[band])
     for index, (far, other) in ((rim.walls[wall], (rim.below, rim.behind)), (rim.top, (rim.behind, rim.below))):
         patch, own = rim.patches[index], rim.of(index)
         beside = here & (far > radius) & (far < radius + NEARBY * patch.reach) & (np.abs(other) < radius / 2)
@@ -243,6 +236,10 @@ def _relabelled(rim: _Rim, noise: float) -> Change | None:
         new.append(supported(replace(like, primitive=number + k), rim.fillet(k), xyz, normals))
     name = f"{len(fillets)} fillets of radius {abs(rim.radius):.3f} around patch {like.primitive}"
     return Change(name, tuple(changed), tuple(new), smooth=True)
+
+
+def _points(patches: Sequence[Patch]) -> Array:
+    return np.concatenate([p.xyz for p in patches])
 
 
 def _without(patch: Patch, gone: NDArray[np.bool_]) -> Patch:
