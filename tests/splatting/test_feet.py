@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, open_feet
-from brepgaussian.splatting.concave.feet import Boss, _by_tops, _circle, _skirt
+from brepgaussian.splatting.concave.feet import Boss, _by_tops, _skirt
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.turned import Axis
 from brepgaussian.splatting.concave.volume import Volume
@@ -117,14 +117,3 @@ def test_a_skirt_ends_beside_an_arm():
     arm = (away[:, 0] > 0) & (np.abs(away[:, 1]) * RADIUS < 2.0)
     assert not (ring.around & arm).any()
     assert ring.around[away[:, 0] < 0].all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_circle_is_fitted_in_spite_of_what_lies_beside_it(seed):
-    rng = np.random.default_rng(seed)
-    angle = rng.uniform(0, 2 * np.pi, 300)
-    ring = 0.2 * np.column_stack([np.cos(angle), np.sin(angle)]) + rng.normal(0, 0.001, (300, 2))
-    skirt = ring[:120] * rng.uniform(1.05, 1.3, (120, 1))
-    middle, radius = _circle(np.concatenate([ring, skirt]) + np.array([0.4, 0.6]), 0.005)
-    np.testing.assert_allclose(middle, [0.4, 0.6], atol=0.001)
-    assert radius == pytest.approx(0.2, abs=0.001)

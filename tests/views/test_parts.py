@@ -127,6 +127,7 @@ TRAYS = {
     "drain_cup": (15, 5, 0, 0, 0),
     "battery_case": (22, 0, 0, 0, 0),
     "relay_tray": (26, 1, 0, 0, 0),
+    "screw_case": (19, 16, 0, 0, 0),
 }
 DRILLED = {
     "shaft_collar": (2, 4, 2, 0, 0),
@@ -151,8 +152,19 @@ LINKS = {
     "stop_block": (11, 9, 0, 0, 4),
     "hose_barb": (12, 3, 2, 0, 0),
     "nozzle_plate": (6, 15, 2, 0, 0),
+    "bar_handle": (6, 8, 0, 0, 2),
+    "hub_lever": (5, 4, 0, 0, 1),
+    "desk_stand": (12, 3, 0, 0, 0),
 }
-COUNTED = DRILLED | FIXTURE | LINKS | MOUNTS | ROUNDED | TRAYS
+HUBS = {
+    "spline_hub": (21, 12, 0, 0, 0),
+    "wing_nut": (11, 3, 1, 0, 0),
+    "gland_nut": (10, 3, 1, 0, 0),
+    "hex_standoff": (10, 2, 1, 0, 0),
+    "eccentric_shaft": (9, 7, 0, 0, 0),
+    "bowl_flange": (3, 4, 0, 2, 0),
+}
+COUNTED = DRILLED | FIXTURE | HUBS | LINKS | MOUNTS | ROUNDED | TRAYS
 
 
 @pytest.mark.parametrize(
@@ -333,6 +345,11 @@ def test_a_spoked_wheel_has_the_volume_of_the_formula():
     assert build_part("spoked_wheel").volume == pytest.approx(rings + 50 * over(along, 3.5), rel=1e-6)
 
 
+def prism(length, width, radius, high):
+    """Volume of a box with rounded upright edges."""
+    return (length * width - radius**2 * (4 - math.pi)) * high
+
+
 def test_links_have_the_volumes_of_the_formulas():
     half = math.acos((17 - 11) / 52)  # half the angle of the large circle that the belt leaves free
     belt = (17 + 11) * 52 * math.sin(half) + (math.pi - half) * 17**2 + half * 11**2
@@ -340,13 +357,16 @@ def test_links_have_the_volumes_of_the_formulas():
     assert build_part("rocker_arm").volume == pytest.approx(belt * 9 + bosses, rel=1e-6)
     sinks = 2 * math.pi * (3**2 * 10 + 2.5 * ((3**2 + 3 * 5.5 + 5.5**2) / 3 - 3**2))
     plate = (78 * 44 - 6**2 * (4 - math.pi)) * 10 - 9 * math.pi * 3.2**2 * 10
+    case = prism(72, 52, 9, 24) - prism(64, 44, 5, 20)
+    bosses = 4 * math.pi * (5**2 * 14 - 2.5**2 * (14 - 18 * 0.3))
+    assert build_part("screw_case").volume == pytest.approx(case + bosses, rel=1e-6)
     assert build_part("nozzle_plate").volume == pytest.approx(plate - sinks, rel=1e-6)
 
 
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 133
+    assert len(PARTS) == 143
     assert len(held_out) * 3 >= len(PARTS)
 
 

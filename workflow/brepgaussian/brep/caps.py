@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.brep.borders import clusters
 from brepgaussian.brep.patches import Patch, guessed
+from brepgaussian.geometry.circles import circle_through
 from brepgaussian.geometry.surfaces import cylinder, plane
 
 Array = NDArray[np.float64]
@@ -178,7 +179,7 @@ def _best_circle(points: Array, limit: float, rng: np.random.Generator) -> tuple
     triples = np.array([rng.choice(len(points), 3, replace=False) for _ in range(_DRAWS)])
     best, best_inliers = None, np.zeros(0, np.int64)
     for triple in triples:
-        circle = _fit_circle(points[triple])
+        circle = circle_through(points[triple])
         if circle is None or circle[1] > 1.0:
             continue
         inliers = np.flatnonzero(np.abs(np.linalg.norm(points - circle[0], axis=1) - circle[1]) < limit)
@@ -186,20 +187,10 @@ def _best_circle(points: Array, limit: float, rng: np.random.Generator) -> tuple
             best, best_inliers = circle, inliers
     if best is None or len(best_inliers) < 3:
         return None
-    refined = _fit_circle(points[best_inliers])
+    refined = circle_through(points[best_inliers])
     if refined is None or refined[1] < 2 * limit:
         return None
     return refined[0], refined[1], best_inliers
-
-
-def _fit_circle(points: Array) -> tuple[Array, float] | None:
-    """Algebraic least-squares circle of (N, 2) points."""
-    system = np.column_stack([2 * points, np.ones(len(points))])
-    solution, _, rank, _ = np.linalg.lstsq(system, (points**2).sum(axis=1), rcond=1e-10)
-    square = solution[2] + solution[:2] @ solution[:2]
-    if rank < 3 or square <= 0:
-        return None
-    return solution[:2], float(np.sqrt(square))
 
 
 def _cylinders(rings: Sequence[Ring], reach: float) -> list[Patch]:

@@ -9,6 +9,7 @@ from brepgaussian.brep.crowns import crowned
 from brepgaussian.brep.fillets import rounded
 from brepgaussian.brep.flats import ends_of_flats
 from brepgaussian.brep.job import Job
+from brepgaussian.brep.low_walls import low_walls
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.profiles import flattened, grooved, straightened, unbent
 from brepgaussian.brep.sections import angular
@@ -22,8 +23,9 @@ from brepgaussian.log import get_logger
 
 def explanations(job: Job, sigma: float) -> Iterator[Job]:
     """The job with bends tangent to pipes, shoulders where flats on shafts end, rolled fillets, fillets all around flat
-    faces, flat cones and short arcs as planes, coplanar faces, even pipes, without skins, smooth fillets, planes for
-    curved walls, what symmetries carry, straight profiles, grooves, planes clear of what they touch.
+    faces, low round walls, flat cones and short arcs as planes, coplanar faces, even pipes, without skins, smooth
+    fillets, planes for curved walls, what symmetries carry, straight profiles, grooves, planes clear of what they
+    touch.
     """
     yield from _changed(job, bent_tubes(job.patches, sigma))
     ends = ends_of_flats(job.patches)
@@ -33,6 +35,7 @@ def explanations(job: Job, sigma: float) -> Iterator[Job]:
     for around in _with_changes(job, crowned(job.patches, sigma)):
         yield from rolled(around, sigma)
         yield around
+    yield from _with_changes(job, low_walls(job.patches))
     yield from _with_changes(job, flattened(job.patches))
     yield from _with_changes(job, unbent(job.patches))
     yield from _changed(job, coplanar(job.patches))

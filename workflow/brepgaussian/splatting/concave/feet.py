@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
+from brepgaussian.geometry.circles import circle_of_most
 from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
 from brepgaussian.splatting.concave.curved import connected
-from brepgaussian.splatting.concave.mouths import circle_next_to
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
@@ -43,7 +43,6 @@ _GAIN = 0.75  # as for an opening; of true corners .32 to .37 of the disagreemen
 _LEAST_RAYS = 200  # that tell
 _REACH_VOXELS = 0.5  # rays on which a ring changes less than this don't judge it
 _AROUND_VOXELS = 4.0  # around a ring in which the field follows it
-_REWEIGHTINGS = 15
 
 logger = log.get_logger("stage1")
 
@@ -141,7 +140,7 @@ def _by_walls(scene: Scene, plane: Lattice, spacing: float) -> list[Boss]:
     for group in connected(vertices[wall], _NEAR_VOXELS * spacing):
         members = wall[group]
         flat, facing = vertices[members] @ axes, normals[members] @ axes
-        middle, radius = _circle(flat, spacing)
+        middle, radius = circle_of_most(flat, spacing)
         arm = flat - middle
         away = np.linalg.norm(arm, axis=1)
         outward = np.einsum("ni,ni->n", arm, facing) > _OUTWARD * away
@@ -152,16 +151,6 @@ def _by_walls(scene: Scene, plane: Lattice, spacing: float) -> list[Boss]:
             foot = plane.normal * plane.offset + axes @ middle
             found.append(Boss(Axis(foot, plane.normal), radius, float(height[members[on]].max())))
     return found
-
-
-def _circle(points: Array, scale: float) -> tuple[Array, float]:
-    """Middle (2,) and radius of the circle on which most of points (N, 2) lie, by reweighted least squares."""
-    weight = np.ones(len(points))
-    for _ in range(_REWEIGHTINGS):
-        middle, radius = circle_next_to(points, weight)
-        off = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
-        weight = 1 / (1 + (off / max(float(np.median(off)), scale / 10)) ** 2)
-    return middle, radius
 
 
 def _skirt(hull: Volume, boss: Boss) -> Ring | None:

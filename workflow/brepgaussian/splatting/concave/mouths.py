@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian import log
+from brepgaussian.geometry.circles import circle_next_to
 from brepgaussian.splatting.concave.draw import border_of
 from brepgaussian.splatting.concave.prism import Lattice, Prism, carried
 
@@ -72,10 +73,3 @@ def _disc(outline: Outline) -> Outline | None:
     middle, radius = circle_next_to(border[best])
     rows, columns = np.indices(outline.shape)
     return np.asarray(np.hypot(rows - middle[0], columns - middle[1]) <= radius)
-
-
-def circle_next_to(places: Array, weight: Array | float = 1.0) -> tuple[Array, float]:
-    """Middle (2,) and radius of the circle next to places (N, 2), by algebraic least squares with (N,) weights."""
-    terms = np.column_stack([2 * places, np.ones(len(places))])
-    solved = np.linalg.lstsq((terms.T * weight).T, (places**2).sum(axis=1) * weight, rcond=None)[0]
-    return solved[:2], float(np.sqrt(max(solved[2] + solved[:2] @ solved[:2], 0.0)))

@@ -174,11 +174,21 @@ PARTS: dict[str, PartInfo] = {
     "seal_carrier": PartInfo("drilled", "a groove around the bore of a flange", HOLDOUT),
     "set_pin": PartInfo("mounts", "a flat between two shoulders on a pin, a cross hole", HOLDOUT),
     "port_cover": PartInfo("mounts", "a boss below a cover", HOLDOUT),
-    "machine_foot": PartInfo("mounts", "a low pad below a foot, a stud", HOLDOUT),
+    "machine_foot": PartInfo("mounts", "a low pad below a foot, a stud", TUNED),
     "rocker_arm": PartInfo("links", "two bosses on a web that is tangent to both", HOLDOUT),
     "stop_block": PartInfo("links", "fillets around a top with rounded corners, a slot through, a blind hole", TUNED),
     "hose_barb": PartInfo("links", "two barbs, a hexagon, a bore", HOLDOUT),
     "nozzle_plate": PartInfo("links", "a grid of holes, two countersunk ones", HOLDOUT),
+    "bar_handle": PartInfo("links", "fillets around a top with round ends, counterbores below", HOLDOUT),
+    "hub_lever": PartInfo("links", "a fillet around a hub that an arm's sides cut off", TUNED),
+    "desk_stand": PartInfo("links", "a sloping plate with a fillet at its foot, a lip, a slot", HOLDOUT),
+    "screw_case": PartInfo("trays", "drilled bosses in the corners of a case", HOLDOUT),
+    "spline_hub": PartInfo("hubs", "a bore with six grooves", HOLDOUT),
+    "wing_nut": PartInfo("hubs", "wings that leave a cone", HOLDOUT),
+    "gland_nut": PartInfo("hubs", "a groove below a hexagon, a conical seat", HOLDOUT),
+    "hex_standoff": PartInfo("hubs", "a deep blind bore, a chamfered stud", HOLDOUT),
+    "eccentric_shaft": PartInfo("hubs", "an eccentric journal between collars, a keyway with round ends", TUNED),
+    "bowl_flange": PartInfo("hubs", "a thin spherical shell", HOLDOUT),
 }
 
 

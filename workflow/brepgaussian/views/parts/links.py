@@ -1,6 +1,6 @@
-"""Bundled parts that link, stop and feed: bosses on a tangent web, blocks rounded on top, barbs, grids of holes."""
+"""Bundled parts that link, stop, hold and feed: webs, levers, blocks rounded on top, barbs, grids of holes."""
 
-from math import sqrt
+from math import atan, radians, sin, sqrt, tan
 
 from build123d import (
     Axis,
@@ -11,11 +11,12 @@ from build123d import (
     Polygon,
     Pos,
     RegularPolygon,
+    SlotOverall,
     extrude,
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
@@ -74,3 +75,40 @@ def nozzle_plate(s: Sizes) -> Part:
         body -= Pos(x * length * 0.4, 0, 0) * Cylinder(bore, BEYOND)
         body -= at * Cone(bore, sink, sink - bore, align=BOTTOM)
     return body
+
+
+def bar_handle(s: Sizes) -> Part:
+    """A bar with round ends, counterbored from below at both, rounded all around its top."""
+    length, width, high = s(80, 0.1), s(22, 0.1), s(14)
+    body = extrude(SlotOverall(length, width), high)
+    body = fillet(body.faces().sort_by(Axis.Z)[-1].edges(), s(3))
+    for x in (-1, 1):
+        body -= Pos(x * (length - width) / 2, 0, 0) * Cylinder(s(3), BEYOND)
+        body -= Pos(x * (length - width) / 2, 0, 0) * Cylinder(s(6), s(5), align=BOTTOM)
+    return body
+
+
+def hub_lever(s: Sizes) -> Part:
+    """A bored hub with an arm that tapers, a fillet around the hub's foot, a hole in the arm's round end."""
+    hub, high, thick, reach, end = s(16, 0.06), s(26), s(9), s(58), s(9, 0.06)
+    body = Pos(reach, 0, 0) * Cylinder(end, thick, align=BOTTOM)
+    arm = Polygon((0, -hub * 0.8), (reach, -end * 0.95), (reach, end * 0.95), (0, hub * 0.8), align=None)
+    body += extrude(arm, thick, dir=(0, 0, 1))
+    body += Cylinder(hub, high, align=BOTTOM)
+    circles = [e for e in body.edges() if abs(e.center().Z - thick) < 1e-6 and e.geom_type.name == "CIRCLE"]
+    body = fillet([e for e in circles if abs(e.radius - hub) < 1e-6], s(3))
+    return body - Cylinder(s(8), BEYOND) - Pos(reach, 0, 0) * Cylinder(s(4.5), BEYOND)
+
+
+def desk_stand(s: Sizes) -> Part:
+    """A sloping plate on a base, rounded where they meet, with a lip and a slot."""
+    base, thick, high, depth, slope = s(60, 0.06), s(5), s(46), s(40), tan(radians(s(70, 0.05)))
+    across = thick / sin(atan(slope))
+    body = profile(
+        (0, 0), (base, 0), (base, thick), (across + thick / slope, thick), (across + high / slope, high),
+        (high / slope, high), depth=depth,
+    )  # fmt: skip
+    inner = [e for e in body.edges().filter_by(Axis.Y) if abs(e.center().Z - thick) < 1e-6 and base / 2 > e.center().X]
+    body = fillet(inner, s(6))
+    body += Pos(base - thick / 2, 0, thick) * Box(thick, depth, s(7), align=BOTTOM)
+    return body - Pos(base * 0.62, 0, 0) * extrude(SlotOverall(s(18), s(8)), BEYOND, both=True)

@@ -1,6 +1,6 @@
 """Bundled parts with bosses that stand in a pocket and end below its rim."""
 
-from build123d import Box, Cylinder, Part, Pos, RectangleRounded, RegularPolygon, Rot, extrude
+from build123d import Axis, Box, Cylinder, Part, Pos, RectangleRounded, RegularPolygon, Rot, extrude, fillet
 
 from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
 from brepgaussian.views.parts.sizes import Sizes
@@ -163,3 +163,18 @@ def relay_tray(s: Sizes) -> Part:
     body -= Pos(length / 2, s(4), high - s(7)) * Box(3 * wall, s(12), BEYOND, align=BOTTOM)
     body -= Pos(-length * 0.3, -width / 2, high - s(5)) * Box(s(10), 3 * wall, BEYOND, align=BOTTOM)
     return body - Pos(length * 0.34, 0, 0) * Cylinder(s(4, 0.1), BEYOND)
+
+
+def screw_case(s: Sizes) -> Part:
+    """A thin case with rounded upright edges, a drilled boss in each corner."""
+    length, width, high, wall, round_ = s(72, 0.1), s(52, 0.1), s(24), s(4), s(9)
+    body = fillet(Box(length, width, high, align=BOTTOM).edges().filter_by(Axis.Z), round_)
+    inside = Box(length - 2 * wall, width - 2 * wall, high, align=BOTTOM)
+    body -= Pos(0, 0, wall) * fillet(inside.edges().filter_by(Axis.Z), round_ - wall)
+    boss, tall = s(5, 0.1), high - s(6)
+    for x in (-1, 1):
+        for y in (-1, 1):
+            at = Pos(x * (length / 2 - wall - boss * 1.6), y * (width / 2 - wall - boss * 1.6), wall)
+            body += at * Cylinder(boss, tall - wall, align=BOTTOM)
+            body -= at * Pos(0, 0, tall * 0.3) * Cylinder(boss * 0.5, BEYOND, align=BOTTOM)
+    return body
