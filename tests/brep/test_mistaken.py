@@ -52,6 +52,12 @@ def test_a_cone_that_leans_between_a_hub_and_its_flange_is_their_fillet(seed):
     np.testing.assert_allclose(made.signed_distance(right.project(patches[2].xyz)), 0, atol=NOISE)
 
 
+def test_what_is_a_fillet_already_is_not_asked_about():
+    patches, _ = hub(np.random.default_rng(7), 2.5)
+    assert len(mistaken(patches, {0, 1})) == 1
+    assert mistaken(patches, {2}) == []
+
+
 def test_a_cone_about_the_hubs_own_axis_is_a_chamfer():
     patches, _ = hub(np.random.default_rng(7), 0.3)
     assert mistaken(patches) == []

@@ -218,3 +218,23 @@ def test_a_face_that_is_guessed_is_no_simpler_one(part, caps, fault):
     one = trials.Trials(Capped(), None, make_job(*part, SETTINGS), Rung("support", 0.04), best, Budget(2, 2))
     assert not one._tried([Change("without the end of a slot", (), ())])
     assert one.notes[0]["fault"] == fault
+
+
+def test_fillets_that_are_tried_leave_the_budget_of_others_alone(part, monkeypatch):
+    job = make_job(*part, SETTINGS)
+    structure = SimpleNamespace(faces=(), edges=())
+    best = Polished(Attempt("support", b"solid", Verdict((), structure=structure), job.patches), {"accepted": True})
+    one = trials.Trials(None, None, job, Rung("support", 0.04), best, Budget(7, 3))
+    spent = []
+
+    def tried(self, changes, **_):
+        spent.append((self.left.solids, self.left.refinements))
+        self.left.refined()
+        return False
+
+    monkeypatch.setattr(trials.Trials, "_tried", tried)
+    monkeypatch.setattr(trials.Trials, "_refined", lambda self: self.job)
+    fillets = [Change(f"fillet {k}", (k,), ()) for k in range(2)]
+    assert not one._filleted(lambda *_: fillets, lambda *_: True)
+    assert spent == [(4, 2), (4, 1)]
+    assert (one.left.solids, one.left.refinements) == (7, 3)

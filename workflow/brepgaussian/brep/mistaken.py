@@ -5,7 +5,7 @@ cylinder fits that as well as the torus does, and images hardly object: no silho
 faces on both sides has one free parameter where the other has five.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -23,11 +23,16 @@ _BLUNT = 0.9  # and at most between two planes with an edge
 _RADII = (1.0, 10.0)  # of a fillet, over the mean height of its points above the farther face: 3.4 of a square edge's
 
 
-def mistaken(patches: Sequence[Patch]) -> list[Change]:
-    """Curved faces that lean against all beside them as fillets of two of these, which explain their points as well."""
+def mistaken(patches: Sequence[Patch], known: Collection[int] = ()) -> list[Change]:
+    """Curved faces that lean against all beside them as fillets of two of these, which explain their points as well.
+
+    Args:
+        patches: of a solid.
+        known: indices of those that are fillets.
+    """
     found = []
     for i, patch in enumerate(patches):
-        if patch.surface.kind not in ("cone", "cylinder"):
+        if i in known or patch.surface.kind not in ("cone", "cylinder"):
             continue
         around = [patches[k] for k in neighbours(i, patches)]
         if not _leans(patch.surface, [p.surface for p in around]):

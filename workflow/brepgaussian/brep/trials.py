@@ -164,8 +164,12 @@ class Trials:
 
     def _rolled(self) -> None:
         """Try fillets for faces that lean against all beside them, one after the other."""
+
+        def propose(_: Structure, __: Sequence[Surface], patches: Sequence[Patch]) -> list[Change]:
+            return mistaken(patches, {b.patch for b in self.job.blends})
+
         for _ in range(_MOST_ROLLED):
-            if not self._filleted(lambda _, __, patches: mistaken(patches), as_good):
+            if not self._filleted(propose, as_good):
                 break
 
     def _filleted(self, propose: Fillets, enough: Enough) -> bool:
@@ -180,8 +184,11 @@ class Trials:
         changes = [c for c in propose(structure, self.best.attempt.surfaces, job.patches) if c.name not in self.refused]
         if not changes:
             return False
-        self.job, self.left = job, self.left.other(_RUNGS * len(changes), len(changes))
-        return any(self._tried([change], simpler=False, enough=enough) for change in changes)
+        left = self.left
+        self.job, self.left = job, left.other(_RUNGS * len(changes), len(changes))
+        taken = any(self._tried([change], simpler=False, enough=enough) for change in changes)
+        self.left = left
+        return taken
 
     def _noted(self) -> Polished:
         """The best solid, with what was tried in its report."""
