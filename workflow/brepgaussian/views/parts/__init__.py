@@ -114,7 +114,7 @@ PARTS: dict[str, PartInfo] = {
     "step_pulley": PartInfo("workshop", "steps in a row, a small radial hole, a hollow below", TUNED),
     "crank_web": PartInfo("workshop", "tapered walls that run into hubs of unequal height, a shallow slot", TUNED),
     "shelf_bracket": PartInfo("workshop", "two ribs away from the ends of an inner corner, holes beside them", HOLDOUT),
-    "pipe_saddle": PartInfo("workshop", "half a bore whose rims are chamfered, thin ears", HOLDOUT),
+    "pipe_saddle": PartInfo("workshop", "half a bore whose rims are chamfered, thin ears", TUNED),
     "bleed_screw": PartInfo("workshop", "a blind bore that a small radial hole meets, a relief, a cone", TUNED),
     "neck_flange": PartInfo("fittings", "a cone between a plate and a tube, rounded corners", TUNED),
     "castle_nut": PartInfo("fittings", "three slots that cross in a bore, hyperbolas below", HOLDOUT),
