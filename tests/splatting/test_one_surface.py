@@ -45,6 +45,7 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     ("said", "floor_told", "expected"),
     [
         ((1.05, 1.36, 51), False, False),  # few rays, which refute what was opened as well
+        ((0.20, 1.30, 20), False, True),  # fewer, which may be off by as much
         ((0.29, 0.60, 35), False, True),  # few, which differ as they do about true surfaces
         ((1.20, 1.10, 51), False, True),
         ((0.0, 0.3, 0), False, True),  # none

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements, one_surface
 from brepgaussian.splatting.concave.bends import Bend, bent, cut
@@ -34,7 +36,8 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
-_REFUTED = 1.0  # tolerances by which views differ about a surface that is none (openings that are true: up to .92)
+_REFUTED = 1.0  # tolerances by which views differ about a surface that is none (openings that are true: up to .92),
+_SURE = 2.0  # and standard errors more, of rays that err by a tolerance each
 _LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8)
 _CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
 _MUCH_DEEPER = 4.0  # cells: floors and tops that views take for each other are farther apart
@@ -326,7 +329,8 @@ def _agreeable(
     rays that tell anything may not disagree more; else not so much more that they refute what was opened, too.
     """
     old, new, count = said = disagreements(images, before, after, reach)
-    untold = new <= old or not (floor_told or new > _REFUTED)
+    refuted = new > _REFUTED + _SURE / np.sqrt(max(count, 1))
+    untold = new <= old or not (floor_told or refuted)
     agreeable = better(said, _GAIN, _LEAST_RAYS, untold)
     logger.info(
         "opening of area %.4f, as far as told: views disagree by %.2f for %.2f of the hull, %d rays%s",
