@@ -182,7 +182,8 @@ def test_fillets_are_rolled_where_no_solid_has_them(part, monkeypatch, on, expec
             tried.append(args[0].clear)
             faces = tuple(SimpleNamespace(surface=k) for k in on or ())
             verdict = Verdict((), iou=0.5, structure=SimpleNamespace(faces=faces, edges=()))
-            return Attempt("support", None if on is None else b"solid", verdict)
+            primitives = tuple(p.primitive for p in args[0].patches)
+            return Attempt("support", None if on is None else b"solid", verdict, primitives=primitives)
 
     job = make_job(*part, SETTINGS)
     job = replace(job, patches=job.patches[:3])

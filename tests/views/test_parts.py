@@ -329,11 +329,19 @@ def test_a_rounded_case_has_the_volume_of_steiners_formula():
     assert build_part("rounded_case").volume == pytest.approx(rounded - math.pi * 8**2 * 25, rel=1e-6)
 
 
+def prism(length, width, radius, high):
+    """Volume of a box with rounded upright edges."""
+    return (length * width - radius**2 * (4 - math.pi)) * high
+
+
 def test_bosses_have_the_volumes_of_the_formula():
     tray = 90 * 60 * 24 - 78 * 48 * 18 + 16 * 22 * 9 + math.pi * 8**2 * 12
     assert build_part("boss_tray").volume == pytest.approx(tray, rel=1e-9)
     pan = math.pi * (40**2 * 22 - 34**2 * 16 + 3 * 5.5**2 * 8 - 6**2 * 6)
     assert build_part("post_pan").volume == pytest.approx(pan, rel=1e-9)
+    case = prism(72, 52, 9, 24) - prism(64, 44, 5, 20)
+    bosses = 4 * math.pi * (5**2 * 14 - 2.5**2 * (14 - 18 * 0.3))
+    assert build_part("screw_case").volume == pytest.approx(case + bosses, rel=1e-6)
 
 
 def test_a_spoked_wheel_has_the_volume_of_the_formula():
@@ -345,21 +353,13 @@ def test_a_spoked_wheel_has_the_volume_of_the_formula():
     assert build_part("spoked_wheel").volume == pytest.approx(rings + 50 * over(along, 3.5), rel=1e-6)
 
 
-def prism(length, width, radius, high):
-    """Volume of a box with rounded upright edges."""
-    return (length * width - radius**2 * (4 - math.pi)) * high
-
-
 def test_links_have_the_volumes_of_the_formulas():
     half = math.acos((17 - 11) / 52)  # half the angle of the large circle that the belt leaves free
     belt = (17 + 11) * 52 * math.sin(half) + (math.pi - half) * 17**2 + half * 11**2
     bosses = math.pi * (17**2 * (28 - 9) + 11**2 * (18 - 9) - 9**2 * 28 - 5**2 * 18)
     assert build_part("rocker_arm").volume == pytest.approx(belt * 9 + bosses, rel=1e-6)
     sinks = 2 * math.pi * (3**2 * 10 + 2.5 * ((3**2 + 3 * 5.5 + 5.5**2) / 3 - 3**2))
-    plate = (78 * 44 - 6**2 * (4 - math.pi)) * 10 - 9 * math.pi * 3.2**2 * 10
-    case = prism(72, 52, 9, 24) - prism(64, 44, 5, 20)
-    bosses = 4 * math.pi * (5**2 * 14 - 2.5**2 * (14 - 18 * 0.3))
-    assert build_part("screw_case").volume == pytest.approx(case + bosses, rel=1e-6)
+    plate = prism(78, 44, 6, 10) - 9 * math.pi * 3.2**2 * 10
     assert build_part("nozzle_plate").volume == pytest.approx(plate - sinks, rel=1e-6)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.brep.fillets import Builder, on_both_sides
-from brepgaussian.brep.patches import Patch, neighbours, next_number, supported
+from brepgaussian.brep.patches import Patch, neighbours, next_number, supported, thinned_out
 from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import Surface, sphere
 
@@ -163,8 +163,13 @@ def _left_out(edges: Sequence[Blend], patches: Sequence[Patch], noise: float) ->
 
 def _on_fillet(surface: Surface, patch: Patch, noise: float) -> NDArray[np.bool_]:
     """Which points of a patch lie on a fillet and face as it does."""
-    near = np.abs(surface.signed_distance(patch.xyz)) <= max(_WORSE * noise, _CHORD * size(surface))
+    near = np.abs(surface.signed_distance(patch.xyz)) <= stray(size(surface), noise)
     return np.asarray(near & (np.einsum("ij,ij->i", surface.normals(patch.xyz), patch.normals) > _FACING))
+
+
+def stray(radius: float, noise: float) -> float:
+    """By how much points of a fillet may lie off it."""
+    return max(_WORSE * noise, _CHORD * radius)
 
 
 def builder(faces: Sequence[Surface]) -> Builder:
@@ -281,7 +286,7 @@ def _with_ball(
         if here.any() and (~here).sum() >= _FEW:
             xyz.append(patch.xyz[here])
             turned.append(patch.normals[here])
-            patches[i] = supported(patch, patch.surface, patch.xyz[~here], patch.normals[~here])
+            patches[i] = thinned_out(patch, here)
     if sum(map(len, xyz)) < _FEW:
         return patches, None
     first = patches[around[0]]

@@ -6,29 +6,28 @@ that are known tell the radius of the others, and every point near the face lies
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
-from brepgaussian.brep.blends import Blend, blended, builder, size
-from brepgaussian.brep.patches import NEARBY, Patch, next_number, supported
+from brepgaussian.brep.blends import Blend, blended, builder, size, stray
+from brepgaussian.brep.patches import NEARBY, Patch, next_number, supported, thinned_out
 from brepgaussian.brep.simplify import Change
 from brepgaussian.geometry.surfaces import Surface, plane
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_SQUARE = np.sin(np.radians(8.0))  # of the angle by which a wall may lean from upright on the face
+_LEANING = np.radians(8.0)  # by which a wall may lean from upright on the face
 _WIDER = 1.2  # radii of its fillets that a round wall has at least: less is a ball
 _BEYOND = 1.6  # radii from the face and a wall within which points tell the radius
 _LIKE = 1.5  # times that of the known fillets, up or down, that the radius may be
 _UNDER, _BELOW = 0.8, 6.0  # radii, and reaches past a radius, below the face within which walls tell where they run
-_WORSE = 3.0  # noises, and
-_CHORD = 0.1  # radii, by which points of a fillet may be off: silhouettes cut an inner one into chords
 _MEETING = 0.6  # of the points near an edge that lie on its fillet, and of those next to it that have it beside them
 _FACING = np.cos(np.radians(30.0))  # between a point's normal and its fillet's: faces that end there are square on it
 _MIDDLE = 0.6  # radii below the face and behind the wall: 25 to 65 of the 90 degrees; the rest is near sharp edges, too
@@ -68,7 +67,7 @@ class _Rim:
     def on(self, noise: float) -> Indices:
         """(N,) which of the fillets points lie on and face as, -1: none."""
         radius, xyz, normals = abs(self.radius), self.xyz, np.concatenate([p.normals for p in self.patches])
-        near = np.abs(_off(self.below, self.behind, radius)) <= max(_WORSE * noise, _CHORD * radius)
+        near = np.abs(_off(self.below, self.behind, radius)) <= stray(radius, noise)
         on = np.where(near & (self.below < radius) & (self.behind < radius), self.nearest, -1)
         for k in range(len(self.walls)):
             at = np.flatnonzero(on == k)
@@ -116,17 +115,10 @@ def _told(top: int, radius: float, known: Sequence[Blend], patches: Sequence[Pat
     others = (i for i in range(len(patches)) if i not in {top, *(b.patch for b in known)})
     walls = tuple(i for i in others if _upright(patches[i], patches[top], radius))
     told = {walls.index(i) for b in known for i in b.faces if i in walls}
-    rim = None
-    for _ in range(_ROUNDS):
-        rim = _rim(top, walls, radius, patches)
-        if rim is None:
-            return None
-        patches = [_level(rim) if i == top else p for i, p in enumerate(patches)]
-        rim = _rim(top, walls, radius, patches)
-        if rim is None:
-            return None
-        radius = _fitted(rim, told, noise)
-    return _rim(top, walls, radius, patches)
+    rim = _rim(top, walls, radius, patches)
+    for step in (_levelled, partial(_refitted, told=told, noise=noise)) * _ROUNDS:
+        rim = None if rim is None else step(rim)
+    return rim
 
 
 def _rim(top: int, walls: tuple[int, ...], radius: float, patches: Sequence[Patch]) -> _Rim | None:
@@ -161,35 +153,37 @@ def _upright(wall: Patch, top: Patch, radius: float) -> bool:
     ahead = abs(float(wall.surface.axis @ top.surface.axis))
     if wall.surface.kind == "cylinder":
         round_enough = wall.surface.flipped == (radius > 0) or wall.surface.radius > _WIDER * abs(radius)
-        return ahead > np.sqrt(1 - _SQUARE**2) and round_enough
-    return wall.surface.kind == "plane" and ahead < _SQUARE
+        return ahead > np.cos(_LEANING) and round_enough
+    return wall.surface.kind == "plane" and ahead < np.sin(_LEANING)
 
 
-def _level(rim: _Rim) -> Patch:
-    """A rim's face through those of its points that are farther from all walls than fillets reach, if there are."""
-    patch = rim.patches[rim.top]
-    xyz = patch.xyz[rim.behind[rim.of(rim.top)] > abs(rim.radius)]
+def _levelled(rim: _Rim) -> _Rim | None:
+    """A rim with its face through those of its points that are farther from all walls than fillets reach."""
+    face = rim.patches[rim.top]
+    xyz = face.xyz[rim.behind[rim.of(rim.top)] > abs(rim.radius)]
     if len(xyz) < _FEW:
-        return patch
+        return rim
     middle = xyz.mean(axis=0)
     axis = np.linalg.svd(xyz - middle, full_matrices=False)[2][-1]
-    return replace(patch, surface=plane(middle, axis if axis @ patch.surface.axis > 0 else -axis))
+    level = replace(face, surface=plane(middle, axis if axis @ face.surface.axis > 0 else -axis))
+    patches = [level if i == rim.top else p for i, p in enumerate(rim.patches)]
+    return _rim(rim.top, rim.walls, rim.radius, patches)
 
 
-def _fitted(rim: _Rim, told: set[int], noise: float) -> float:
-    """The signed radius that explains the points towards some of a rim's walls best."""
+def _refitted(rim: _Rim, told: Collection[int], noise: float) -> _Rim | None:
+    """A rim with the radius that explains the points towards some of its walls best."""
     radius = abs(rim.radius)
     some = np.isin(rim.nearest, sorted(told)) & (np.abs(rim.behind) < _BEYOND * radius)
     if some.sum() < _FEW:
-        return rim.radius
-    worst = max(_WORSE * noise, _CHORD * radius)
+        return rim
+    worst = stray(radius, noise)
     below, behind = rim.below[some], rim.behind[some]
 
     def cost(value: float) -> float:
         return float(np.minimum(np.abs(_off(below, behind, value)), worst).mean())
 
     best = minimize_scalar(cost, bounds=(radius / _LIKE, radius * _LIKE), method="bounded").x
-    return float(np.copysign(best, rim.radius))
+    return _rim(rim.top, rim.walls, float(np.copysign(best, rim.radius)), rim.patches)
 
 
 def _off(below: Array, behind: Array, radius: float) -> Array:
@@ -228,7 +222,7 @@ def _relabelled(rim: _Rim, noise: float) -> Change | None:
     faces = {rim.top, *rim.walls}
     changed = [i for i, k in enumerate(on) if (k >= 0).any()]
     gone = [i for i in changed if i not in faces and (on[i] >= 0).mean() > _MOSTLY]
-    new = [_without(patches[i], on[i] >= 0) for i in changed if i not in gone and (on[i] < 0).sum() >= _FEW]
+    new = [thinned_out(patches[i], on[i] >= 0) for i in changed if i not in gone and (on[i] < 0).sum() >= _FEW]
     number, like = next_number(patches), patches[rim.top]
     for k in fillets:
         xyz = np.concatenate([p.xyz[o == k] for p, o in zip(patches, on, strict=True)])
@@ -240,10 +234,6 @@ def _relabelled(rim: _Rim, noise: float) -> Change | None:
 
 def _points(patches: Sequence[Patch]) -> Array:
     return np.concatenate([p.xyz for p in patches])
-
-
-def _without(patch: Patch, gone: NDArray[np.bool_]) -> Patch:
-    return supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone])
 
 
 def _is_known(fillet: int, on: Sequence[Indices]) -> bool:

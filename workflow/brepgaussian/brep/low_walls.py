@@ -6,7 +6,6 @@ one circle are the wall of a round step.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -38,12 +37,12 @@ def low_walls(patches: Sequence[Patch]) -> list[Change]:
     planes = [i for i, p in enumerate(patches) if p.surface.kind == "plane"]
     for pair in combinations(planes, 2):
         strips = tuple(i for i in _strips(pair, patches) if i not in taken)
-        wall = _wall(patches[pair[0]].surface.axis, [patches[i] for i in strips]) if len(strips) > 1 else None
+        some = [patches[i] for i in strips]
+        wall = _wall(patches[pair[0]].surface.axis, some) if len(some) > 1 else None
         if wall is not None:
             taken |= set(strips)
-            names = ", ".join(str(patches[i].primitive) for i in strips)
-            whole = replace(joined(wall, [patches[i] for i in strips]), whole=False)
-            changes.append(Change(f"patches {names} as one low wall", strips, (whole,)))
+            names = ", ".join(str(p.primitive) for p in some)
+            changes.append(Change(f"patches {names} as one low wall", strips, (joined(wall, some),)))
     return changes
 
 

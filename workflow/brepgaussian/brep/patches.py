@@ -80,6 +80,11 @@ def supported(patch: Patch, surface: Surface, xyz: Array, normals: Array) -> Pat
     return replace(patch, surface=surface, xyz=xyz, normals=normals, sigma=surface.rms(xyz))
 
 
+def thinned_out(patch: Patch, gone: NDArray[np.bool_]) -> Patch:
+    """A patch without some of its (N,) points."""
+    return supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone])
+
+
 def next_number(patches: Sequence[Patch]) -> int:
     """The first number that no patch has."""
     return max((p.primitive for p in patches), default=-1) + 1
@@ -139,4 +144,4 @@ def with_floor(patches: Sequence[Patch], index: int, before: Patch) -> Iterator[
         below = floor.surface.signed_distance(patch.xyz) < -floor.reach
         between = below & (before.surface.signed_distance(patch.xyz) > -before.reach)
         gone = between & (under.query(floor.surface.project(patch.xyz), distance_upper_bound=reach)[0] < reach)
-        yield supported(patch, patch.surface, patch.xyz[~gone], patch.normals[~gone]) if gone.any() else patch
+        yield thinned_out(patch, gone) if gone.any() else patch

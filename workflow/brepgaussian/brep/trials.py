@@ -316,7 +316,7 @@ class Trials:
             if attempt.shape is not None and shape in known:
                 continue  # one and the same solid again
             fault = "; ".join(verdict.faults)
-            built.append(attempt.shape is not None and fillets <= _faces_of(attempt, job))
+            built.append(attempt.shape is not None and fillets <= _primitives_of(attempt))
             if attempt.shape is None:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
@@ -358,11 +358,11 @@ def _without_edges(known: Polished, surfaces: Collection[int]) -> Polished:
     return replace(known, shown=tuple(e for e in known.shown if not set(e.surfaces) & set(surfaces)))
 
 
-def _faces_of(attempt: Attempt, job: Job) -> set[int]:
-    """Primitives of the patches that have faces in a solid."""
+def _primitives_of(attempt: Attempt) -> set[int]:
+    """Of the patches that have faces in a solid."""
     structure = attempt.verdict.structure
-    on = set() if structure is None else {face.surface for face in structure.faces}
-    return {patch.primitive for k, patch in enumerate(job.patches) if k in on}
+    faces = () if structure is None else structure.faces
+    return {attempt.primitives[face.surface] for face in faces if face.surface >= 0}
 
 
 def _off(verdict: Verdict, before: Verdict, settings: BrepSettings) -> bool:

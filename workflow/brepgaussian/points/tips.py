@@ -87,14 +87,13 @@ def _to_the_tip(
     curve: Curve, tip: Curve, surfaces: list[Surface], other: Surface, spacing: float, step: float
 ) -> Curve:
     """A curve carried on along a tip until it meets, or comes nearest to, the other patch there."""
-    ends = cKDTree(tip.points).query(curve.points[[0, -1]])[0]
+    tree = cKDTree(tip.points)
+    ends = tree.query(curve.points[[0, -1]])[0]
     path = curve.points if ends[1] <= ends[0] else curve.points[::-1]
     length = float(np.linalg.norm(np.diff(tip.points, axis=0), axis=1).sum()) + _MEETING * spacing
     tail = extended(path, surfaces[curve.pair[0]], surfaces[curve.pair[1]], length, step)
-    along = cKDTree(tip.points).query(tail)[0] < _MEETING * spacing if len(tail) else np.zeros(0, bool)
-    tail = tail[
-        : len(tail) if along.all() else int(np.argmin(along))
-    ]  # a curve may leave the tip, or lead away from it
+    away = np.flatnonzero(tree.query(tail)[0] >= _MEETING * spacing)
+    tail = tail[: away[0]] if len(away) else tail  # a curve may leave the tip, or lead away from it
     if not len(tail):
         return curve
     off = np.abs(other.signed_distance(tail))

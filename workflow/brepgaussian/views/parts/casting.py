@@ -1,14 +1,11 @@
 """Bundled parts as castings and mountings have them: lugs, racks, yokes, frames, nozzles, bosses on ribs."""
 
-from math import cos, pi
-
 from build123d import (
     Axis,
     Box,
     Cylinder,
     Part,
     Pos,
-    RegularPolygon,
     Rot,
     SlotOverall,
     chamfer,
@@ -16,7 +13,7 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, hexagon, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
@@ -110,7 +107,7 @@ def window_frame(s: Sizes) -> Part:
 def spray_nozzle(s: Sizes) -> Part:
     """A hexagon between a threaded end and a cone, a stepped bore that ends in a small orifice."""
     across, wide, stem, below = s(26, 0.06), s(9, 0.08), s(8, 0.08), s(16, 0.08)
-    body = extrude(RegularPolygon(across / 2 / cos(pi / 6), 6), wide)
+    body = hexagon(across / 2, wide)
     mouth, tip, nose = s(9.5, 0.06), s(4.5, 0.08), s(22, 0.08)
     body += turn((0, wide / 2), (mouth, wide / 2), (mouth, wide + 3), (tip, wide + 3 + nose), (0, wide + 3 + nose))
     body += turn((0, wide / 2), (stem, wide / 2), (stem, 1.2 - below), (stem - 1.2, -below), (0, -below))

@@ -1,7 +1,5 @@
 """Bundled parts that hold others: flanges, nuts, jaws, feet and bent plates, made for scoring only."""
 
-from math import cos, pi
-
 from build123d import (
     Axis,
     Box,
@@ -10,7 +8,6 @@ from build123d import (
     Part,
     Pos,
     RectangleRounded,
-    RegularPolygon,
     Rot,
     SlotOverall,
     chamfer,
@@ -18,7 +15,7 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, bends, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, bends, hexagon, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
@@ -42,7 +39,7 @@ def neck_flange(s: Sizes) -> Part:
 def castle_nut(s: Sizes) -> Part:
     """A hexagon under a round crown with three slots across, chamfered below, bored."""
     apothem, high, crown, up = s(16), s(13), s(13), s(9)
-    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), high)
+    body = hexagon(apothem, high)
     flat = apothem * 0.95
     body &= turn((0, 0), (flat, 0), (flat + 8, 4), (flat + 8, high), (0, high))
     body += Pos(0, 0, high / 2) * Cylinder(crown, high / 2 + up, align=BOTTOM)
@@ -114,7 +111,7 @@ def union_nut(s: Sizes) -> Part:
     """A hexagon under a round neck, bored in two widths with a conical seat between them, chamfered above."""
     apothem, wide, neck, tall, edge = s(17, 0.06), s(12), s(15, 0.05), s(14), s(1.5)
     bore, narrow, deep, seat = s(10, 0.06), s(6, 0.06), s(15), s(3)
-    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), wide)
+    body = hexagon(apothem, wide)
     top = wide + tall
     body += turn((0, 0), (neck, 0), (neck, top - edge), (neck - edge, top), (0, top))
     return body - turn(

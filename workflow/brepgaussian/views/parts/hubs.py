@@ -1,30 +1,23 @@
 """Bundled parts around one axis that are not turned alone: splines, wings, hexagons, eccentrics, a bowl."""
 
-from math import cos, pi
-
 from build123d import (
     Align,
+    Axis,
     Box,
     Cone,
     Cylinder,
     Part,
     Plane,
     Pos,
-    RegularPolygon,
     Rot,
     SlotOverall,
     Sphere,
     chamfer,
     extrude,
 )
-from build123d import Axis as Along
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, hexagon
 from brepgaussian.views.parts.sizes import Sizes
-
-
-def _hexagon(apothem: float, high: float) -> Part:
-    return extrude(RegularPolygon(apothem / cos(pi / 6), 6), high)
 
 
 def spline_hub(s: Sizes) -> Part:
@@ -49,7 +42,7 @@ def gland_nut(s: Sizes) -> Part:
     """A hexagon over a spigot with a groove, a conical seat above a bore."""
     apothem, high, spigot, long, groove = s(15), s(11), s(11, 0.1), s(20), s(9, 0.05)
     wide, bore, seat, deep = s(3.5), s(5.5), s(9), s(6)
-    body = _hexagon(apothem, high) + Pos(0, 0, -long) * Cylinder(spigot, long, align=BOTTOM)
+    body = hexagon(apothem, high) + Pos(0, 0, -long) * Cylinder(spigot, long, align=BOTTOM)
     ring = Cylinder(spigot + 1, wide, align=BOTTOM) - Cylinder(groove, wide, align=BOTTOM)
     body = body - Pos(0, 0, -wide) * ring - Cylinder(bore, BEYOND)
     return body - Pos(0, 0, high - deep) * Cone(bore, seat, deep, align=BOTTOM)
@@ -58,8 +51,8 @@ def gland_nut(s: Sizes) -> Part:
 def hex_standoff(s: Sizes) -> Part:
     """A hexagonal standoff, a chamfered stud on one end, a blind bore in the other."""
     apothem, high, stud, long, bore, deep = s(12), s(40), s(6), s(16), s(5.5), s(18)
-    body = _hexagon(apothem, high) + Pos(0, 0, high) * Cylinder(stud, long, align=BOTTOM)
-    body = chamfer(body.faces().sort_by(Along.Z)[-1].edges(), s(1.5))
+    body = hexagon(apothem, high) + Pos(0, 0, high) * Cylinder(stud, long, align=BOTTOM)
+    body = chamfer(body.faces().sort_by(Axis.Z)[-1].edges(), s(1.5))
     return body - Cylinder(bore, deep, align=BOTTOM)
 
 

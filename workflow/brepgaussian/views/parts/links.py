@@ -10,13 +10,12 @@ from build123d import (
     Part,
     Polygon,
     Pos,
-    RegularPolygon,
     SlotOverall,
     extrude,
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, hexagon, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
@@ -47,16 +46,16 @@ def stop_block(s: Sizes) -> Part:
 
 def hose_barb(s: Sizes) -> Part:
     """A hexagon between a spigot and a tail with two barbs, bored through."""
-    apothem, hexagon, bore = s(13), s(10), s(4.5)
+    apothem, high, bore = s(13), s(10), s(4.5)
     root, barb, pitch, tail = s(7, 0.06), s(9.5, 0.06), s(11), s(6)
     neck, spigot = s(8.5, 0.06), s(14)
-    body = extrude(RegularPolygon(apothem / 0.8660254, 6), hexagon)
-    points = [(bore, hexagon), (root, hexagon), (root, hexagon + tail)]
-    z = hexagon + tail
+    body = hexagon(apothem, high)
+    points = [(0, high), (root, high), (root, high + tail)]
+    z = high + tail
     for _ in range(2):
         points += [(barb, z), (root, z + pitch)]
         z += pitch
-    body += turn((0, hexagon), *points[1:], (0, z))
+    body += turn(*points, (0, z))
     body += turn((0, -spigot), (neck, -spigot), (neck, 0), (0, 0))
     return body - Cylinder(bore, BEYOND)
 

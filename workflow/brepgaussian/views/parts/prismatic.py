@@ -1,5 +1,7 @@
 """Bundled parts made of flat walls: blocks, plates, channels, brackets."""
 
+from math import cos, pi
+
 from build123d import (
     Align,
     Axis,
@@ -12,6 +14,7 @@ from build123d import (
     Plane,
     Polygon,
     Pos,
+    RegularPolygon,
     Rot,
     SlotOverall,
     extrude,
@@ -28,6 +31,11 @@ def profile(*points: tuple[float, float], depth: float) -> Part:
     """A polygon in the xz plane, given as it is, pulled to +-depth/2 along y."""
     sketch = Plane.XZ * Polygon(*points, align=None)
     return extrude(sketch, depth / 2, both=True)
+
+
+def hexagon(apothem: float, high: float) -> Part:
+    """A hexagonal prism on the ground, `apothem` from its axis to its sides."""
+    return extrude(RegularPolygon(apothem / cos(pi / 6), 6), high)
 
 
 def bends(body: Part, *places: tuple[float, float]) -> list[Edge]:

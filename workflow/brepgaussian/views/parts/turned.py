@@ -24,7 +24,7 @@ from build123d import (
     revolve,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, hexagon
 from brepgaussian.views.parts.sizes import Sizes
 
 
@@ -38,7 +38,7 @@ def adapter_stud(s: Sizes) -> Part:
     apothem, wide, collar, thick = s(14, 0.06), s(9, 0.08), s(17, 0.06), s(4, 0.1)
     below, above, stud, edge = s(20, 0.08), s(24, 0.08), s(7, 0.06), s(1.4)
     low, top = -below, thick + wide + above
-    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), wide + thick)
+    body = hexagon(apothem, wide + thick)
     body += turn((0, 0), (collar, 0), (collar, thick), (0, thick))
     body += turn((0, low), (stud + 2 - edge, low), (stud + 2, low + edge), (stud + 2, 0), (0, 0))
     body += turn((0, thick), (stud, thick), (stud, top - edge), (stud - edge, top), (0, top))

@@ -1,7 +1,5 @@
 """Bundled parts of an ordinary machine: wheels, braces, bodies and rails, made for scoring only."""
 
-from math import cos, pi
-
 from build123d import (
     Axis,
     Box,
@@ -10,7 +8,6 @@ from build123d import (
     Cylinder,
     Part,
     Pos,
-    RegularPolygon,
     Rot,
     SlotOverall,
     chamfer,
@@ -18,7 +15,7 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, hexagon, profile
 from brepgaussian.views.parts.sizes import Sizes
 from brepgaussian.views.parts.turned import turn
 
@@ -169,7 +166,7 @@ def bleed_screw(s: Sizes) -> Part:
     """A hexagonal head, a shank with a relief and a conical point, a blind bore that a radial hole meets."""
     apothem, head, shank, long, point = s(11), s(9), s(8), s(34), s(7)
     relief, groove = s(6), s(5)
-    body = extrude(RegularPolygon(apothem / cos(pi / 6), 6), head)
+    body = hexagon(apothem, head)
     end = -long
     neck = (relief, head / 2), (relief, -groove), (shank, -groove)
     body += turn((0, head / 2), *neck, (shank, end + point), (relief / 2, end), (0, end))
