@@ -9,9 +9,9 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import WIDTHS
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.polish import Polished
-from brepgaussian.brep.rounds import fillets, roundings
+from brepgaussian.brep.rounds import fillets, inner_fillets, roundings
 from brepgaussian.brep.simplify import Change
-from brepgaussian.brep.structure import Edge, Structure
+from brepgaussian.brep.structure import Edge, Face, Structure
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.geometry.surfaces import cylinder, plane
@@ -97,6 +97,36 @@ def test_a_convex_edge_that_images_confirm_gets_no_fillet(px, proposed):
     off = beside(structure.edges[0], surfaces, 0.02, 1.0)
     rows = [{"name": f"edge {k}", "silhouette_px": None, "interior_px": px} for k in range(4)]
     assert bool(fillets(structure, ridge, patches, off, rows)) is proposed
+
+
+@pytest.mark.parametrize(("px", "corners"), [((0.9, 0.05, 0.05, 0.05), (0,)), ((0.25,) * 4, ()), ((0.9,) * 4, ())])
+def test_a_concave_edge_that_images_show_elsewhere_gets_a_fillet(px, corners):
+    """Where all edges are shown elsewhere, it is not for fillets."""
+    structure, surfaces, patches = pocket()
+    rows = [{"name": f"edge {k}", "silhouette_px": None, "interior_px": px[k]} for k in range(4)]
+    found = inner_fillets(structure, surfaces, patches, rows)
+    assert [c.new[-1].surface.radius for c in found] == (list(WIDTHS) if corners else [])
+    for change in found:
+        bands = [p for p in change.new if p.surface.kind == "cylinder"]
+        assert len(bands) == len(corners)
+        for corner, band in zip(corners, bands, strict=True):
+            walls = [surfaces[s] for s in structure.edges[corner].surfaces]
+            assert [w.signed_distance(band.surface.origin[None])[0] for w in walls] == pytest.approx(
+                [band.surface.radius] * 2
+            )
+    convex = replace(structure, edges=tuple(replace(e, convexity="convex") for e in structure.edges))
+    assert inner_fillets(convex, surfaces, patches, rows) == []
+
+
+def test_fillets_that_a_solid_has_tell_the_radius_of_others():
+    structure, surfaces, patches = pocket()
+    rows = [{"name": f"edge {k}", "silhouette_px": None, "interior_px": 0.9 if k == 0 else 0.02} for k in range(4)]
+    round_ = cylinder(np.full(3, 0.5), UP, 0.071, flipped=True)
+    faces = tuple(Face(k, 0.1, np.zeros(3)) for k in range(5))
+    seam = replace(structure.edges[1], faces=(1, 4), surfaces=(1, 4), convexity="smooth")
+    known = Structure(faces, (*structure.edges, seam), ())
+    found = inner_fillets(known, [*surfaces, round_], patches, rows)
+    assert [c.new[-1].surface.radius for c in found] == [0.071, 0.03, 0.015]  # one of .06 comes out the same
 
 
 def test_caps_that_a_solid_does_not_use_do_not_stop_the_search():

@@ -149,6 +149,20 @@ def test_two_explanations_that_come_to_the_same_solid_end_the_search():
     assert compared(judged(7))[1] == 2
 
 
+@pytest.mark.parametrize(("accepted", "asked"), [(True, 7), (False, 20)])
+def test_explanations_beside_an_accepted_solid_are_tried_a_few_times_only(monkeypatch, accepted, asked):
+    source = attempt("extended")
+    source = replace(source, verdict=replace(source.verdict, doubts=("patch 3 is explained to 12%",)))
+    one, left = search(source), list(range(20))
+    one.polished[shape_of(source)] = first = judged(6, accepted=accepted)
+    other = replace(explanation(5), patches=(SimpleNamespace(surface=SimpleNamespace(kind="plane")),) * 5)
+    one.others = (left.pop() * 0 or other for _ in range(20))
+    monkeypatch.setattr(Search, "_first", lambda self, names: judged(7))
+    monkeypatch.setattr("brepgaussian.brep.search.worse", lambda *_: "the images agree little better")
+    assert one._against_others(first)[1] is first
+    assert 20 - len(left) == asked
+
+
 def doubted(few):
     """How many of two other explanations are asked for beside an accepted solid that explains one label not at all."""
     points = [SimpleNamespace(xyz=np.zeros((n, 3)), surface=SimpleNamespace(kind="plane")) for n in (1000, few)]

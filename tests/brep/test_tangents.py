@@ -55,6 +55,17 @@ def test_other_walls_stay(change):
     assert tangent_walls(patches, NOISE)[1] is patches[1]
 
 
+def test_a_short_wall_touches_a_round_face_though_its_few_points_fit_as_well():
+    """What is left of a side between two round faces: its points are near it, and tell little of where it leads."""
+    rng = np.random.default_rng(5)
+    top, wall = bearing(rng, lift=0.001, sigma=0.0009)
+    short = wall.xyz[:, 2] > wall.xyz[:, 2].max() - 0.03
+    small = replace(wall, xyz=wall.xyz[short], normals=wall.normals[short])
+    assert small.sigma < top.sigma
+    found = tangent_walls([top, small], NOISE)[1].surface
+    assert (found.origin - MIDDLE) @ found.axis == pytest.approx(RADIUS)
+
+
 def test_an_opposite_wall_that_is_known_better_tells_the_direction():
     rng = np.random.default_rng(4)
     patches = bearing(rng, lift=0.004, tilt=0.03)

@@ -1,13 +1,15 @@
 """Slots that two opposite faces show: cut through to their floors and corners, but for what stands in them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from brepgaussian.splatting import hull as stage
 from brepgaussian.splatting.concave import notches
-from brepgaussian.splatting.concave.notches import _drawn, _notches, _Shown, _stands
+from brepgaussian.splatting.concave.notches import _drawn, _notches, _Shown, _stands, _surely
 from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.sections import Rounded, Section
 from build123d import Align, Box, Pos, Rot
 from rendered import missed, rendered
 from scipy.ndimage import distance_transform_edt
@@ -82,3 +84,22 @@ def test_a_notch_is_open_to_the_side_of_its_face():
     (notch,) = _notches(face, convex_hull_image(face))
     np.testing.assert_array_equal(np.argwhere(notch).min(axis=0), [5, 20])
     np.testing.assert_array_equal(np.argwhere(notch).max(axis=0), [34, 31])
+
+
+def test_cells_along_the_edge_of_a_notch_do_not_cost_it_the_rays_that_graze_its_lips(tmp_path):
+    """A slot like a T: what overhangs its foot shows at contours of many views."""
+    part = Box(64, 50, 22, align=LOW) - Pos(0, 0, 9) * Box(80, 9, 40, align=LOW)
+    part -= Pos(0, 0, 9) * Box(80, 18, 6, align=LOW)
+    views, truth = rendered(tmp_path, part, 50, 600)
+    over, under = missed(views, truth)
+    assert over < 0.004
+    assert under < 0.003
+
+
+def test_of_a_notch_with_a_section_all_counts():
+    outline = np.zeros((20, 20), bool)
+    outline[4:16, 4:16] = True
+    cells = Prism(Lattice(np.zeros(3), *np.eye(3), 0.01, (20, 20)), outline, 1.0, True, 0.0)
+    assert _surely(cells).outline.sum() == 8 * 8
+    drawn = replace(cells, section=Section((9.5, 9.5), 0.0, Rounded((6.0, 6.0), 0.0)))
+    assert _surely(drawn) is drawn

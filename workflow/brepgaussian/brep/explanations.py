@@ -41,8 +41,7 @@ def explanations(job: Job, sigma: float) -> Iterator[Job]:
     yield from _changed(job, coplanar(job.patches))
     yield from _changed(job, even_tubes(job.patches, sigma))
     yield from bared(job)
-    walls = tangent_walls(job.patches, sigma)
-    yield from _changed(job, rounded(walls, sigma) or walls)
+    yield from touching(job, sigma)
     for square in (True, False):
         yield from _with_changes(job, angular(job.patches, square))
     yield from symmetric(job)
@@ -52,6 +51,12 @@ def explanations(job: Job, sigma: float) -> Iterator[Job]:
         yield from symmetric(apart)
     yield from _with_changes(job, grooved(job.patches))
     yield from (replace(clear, clear=True) for clear in _changed(job, cleared(job.patches, sigma)))
+
+
+def touching(job: Job, sigma: float) -> Iterator[Job]:
+    """The job with walls that touch the rounder faces that they run into, if any nearly do; fillets smooth."""
+    walls = tangent_walls(job.patches, sigma)
+    yield from _changed(job, rounded(walls, sigma) or walls)
 
 
 def _with_changes(job: Job, changes: Sequence[Change]) -> Iterator[Job]:

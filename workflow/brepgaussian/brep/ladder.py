@@ -12,7 +12,7 @@ from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.borders import continuing, open_points
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.brep.caps import find_caps
-from brepgaussian.brep.explanations import bared, explanations
+from brepgaussian.brep.explanations import bared, explanations, touching
 from brepgaussian.brep.floors import floors_of_bores
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.patches import make_patches
@@ -79,8 +79,8 @@ def _job(
 
 
 def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Iterable[Points] = ()) -> Iterator[Job]:
-    """Jobs of all primitives, of other explanations of the points, with surfaces for points that have none, of other
-    labellings and what explains these, and afresh.
+    """Jobs of all primitives, of other explanations of the points, with surfaces for points that have none (walls that
+    touch with them, too), of other labellings and what explains these, and afresh.
     """
     every = _job(points, primitives, job.silhouettes, job.settings, poor_too=True)
     poor_too = len(every.patches) > len(job.patches)
@@ -92,7 +92,9 @@ def other_jobs(points: Points, primitives: Primitives, job: Job, labellings: Ite
     settings = PrimitivesSettings()
     more = with_unclaimed(points, primitives, settings)
     if more is not None:
-        yield _job(points, more, job.silhouettes, job.settings)
+        claimed = _job(points, more, job.silhouettes, job.settings)
+        yield claimed
+        yield from touching(claimed, more.sigma)
     for number, labelled in enumerate(labellings, 1):
         other = primitives_of(labelled, settings)
         relabelled = replace(_job(labelled, other, job.silhouettes, job.settings), labelling=number)

@@ -31,6 +31,9 @@ _AS_FAR = 1 / (2 - np.sqrt(2))  # radius over a chamfer's leg where both take a 
 _FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's end the faces are hardly off
 _RADIUS_DIGITS = 3  # of radii that are one
 _CONFIRMED_PX = 0.25  # median distance of an edge from what views show there: less than fillets of a few px scatter it
+_SHIFTED_PX, _SHIFTED = 0.3, 3.0  # median distance from an edge to a step in grey that is not its, least; and medians
+_ALIKE_RADII = 0.3  # of one by which another differs that the refinement comes to
+_MOST_KNOWN = 2  # radii of a solid's fillets that are tried
 _MOST_SETS = 2  # that are tried, those with most places first
 
 
@@ -63,6 +66,39 @@ def fillets(
     radii = sorted(WIDTHS, key=lambda radius: abs(np.log(radius / max(reach, SPACING))))
     found = (_filleted([structure.edges[k] for k in s], surfaces, patches, radius) for s in order for radius in radii)
     return [change for change in found if change is not None]
+
+
+def inner_fillets(
+    structure: Structure, surfaces: Sequence[Surface], patches: Sequence[Patch], edges: Sequence[Mapping[str, Any]]
+) -> list[Change]:
+    """One change for every radius: fillets on the concave edges that images show elsewhere, all of them or one set.
+
+    No silhouette shows these. Fillets that the solid has tell a radius that is likely.
+
+    Args:
+        structure, surfaces, patches, edges: as of `fillets`.
+    """
+    shifted = _shifted(structure, edges)
+    sets = {tuple(k for k in _set_of(structure.edges, index) if k in shifted) for index in shifted}
+    groups = [shifted] + (sorted(sets, key=lambda s: (-len(s), s))[:_MOST_SETS] if len(sets) > 1 else [])
+    known = sorted({round(s.radius, _RADIUS_DIGITS) for s in _rolled(structure, surfaces)})
+    radii = [*known[:_MOST_KNOWN], *(w for w in WIDTHS if all(abs(w - r) > _ALIKE_RADII * r for r in known))]
+    found = (_filleted([structure.edges[k] for k in s], surfaces, patches, r) for s in groups if s for r in radii)
+    return [change for change in found if change is not None]
+
+
+def _rolled(structure: Structure, surfaces: Sequence[Surface]) -> list[Surface]:
+    """Cylinders of concave fillets."""
+    smooth = {f for e in structure.edges if e.convexity == SMOOTH and e.kind == "line" for f in e.faces}
+    faces = [f for k, f in enumerate(structure.faces) if k in smooth and f.surface >= 0]
+    return [s for f in faces if (s := surfaces[f.surface]).kind == "cylinder" and s.flipped != f.flipped]
+
+
+def _shifted(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Concave edges whose step in grey lies elsewhere, much farther than those of most edges do."""
+    px = {k: row["interior_px"] for k, row in edge_rows(edges) if isinstance(row["interior_px"], float)}
+    limit = max(_SHIFTED_PX, _SHIFTED * float(np.median([*px.values()] or [0.0])))
+    return [k for k in sorted(px) if px[k] > limit and structure.edges[k].convexity == CONCAVE]
 
 
 def roundings(

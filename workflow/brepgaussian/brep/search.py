@@ -23,6 +23,7 @@ _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
 _SMALL = 0.03  # of all points: the images decide whether patches of so few are faces
 _MOST_RIVALS = 2  # solids of another shape that are refined where the images refuse the first
+_MOST_BESIDE = 6  # explanations that are tried in vain beside a solid that the images accept
 _HANGS = 12  # solids that a hanging kernel costs: a few of them end the search
 _OTHERS_RUNGS = ("support", "open_extended", "wide")  # on which other explanations are tried
 
@@ -77,9 +78,12 @@ class Search:
         They are tried where no solid is without doubts, or the images refuse it: one that they accept although the
         points had objected to it may be right by accident, until another explanation comes to the same one.
         """
-        winner: Search = self
+        winner, in_vain = self, 0
         for job in self.others:
-            if self.budget.spent or (best is not None and beyond_doubt(best, winner.job) and not winner._doubted(best)):
+            in_vain += 1 if best is not None and best.report.get("accepted") else 0
+            if self.budget.spent or in_vain > _MOST_BESIDE:
+                break
+            if best is not None and beyond_doubt(best, winner.job) and not winner._doubted(best):
                 break
             if best is not None and hopeless(job, best):
                 continue
@@ -95,7 +99,7 @@ class Search:
                     winner, best = search, found
                 break
             if not fault:
-                winner, best = search, search._rounded(found)
+                winner, best, in_vain = search, search._rounded(found), 0
         return winner, best
 
     def _finished(self, best: Polished) -> Polished:
@@ -249,10 +253,13 @@ class Search:
         return self._changed(best, Trials.bordered)
 
     def _rounded(self, best: Polished | None) -> Polished | None:
-        """A refused solid of which edges and silhouettes are right with the fillets that it lacks."""
-        if best is None or best.report.get("accepted") is not False or not outlined(best.report, self.job.settings):
-            return best
-        return self._changed(best, Trials.rounded)
+        """A refused solid with the fillets that it lacks: inner ones, and all where edges and silhouettes are right."""
+        for change in (Trials.rounded_inside, Trials.rounded):
+            if best is None or best.report.get("accepted") is not False:
+                break
+            if change is Trials.rounded_inside or outlined(best.report, self.job.settings):
+                best = self._changed(best, change)
+        return best
 
     def _changed(self, best: Polished, change: Callable[[Trials], Polished]) -> Polished:
         """A solid after one kind of trials, whose changes the search goes on with."""

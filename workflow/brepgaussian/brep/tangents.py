@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _ALONG = np.sin(np.radians(8.0))  # between a wall's normal and the cylinder's axis, off square
 _PARALLEL = np.cos(np.radians(5.0))  # between two walls
 _NEAR = 5.0  # of the worse residual, or noises: a slit is no wider
-_WORSE = 3.0  # times its present residual, or noises, that the wall may have
+_WORSE = 3.0  # times the same, that the wall may have
 _SAME = 1e-6  # unit frame: a wall that touches already
 _CLEAR = 1e-4  # unit frame, a thirtieth of a pixel: sheets this far apart don't meet for the kernel
 _POINT = 0.5  # of the cylinder's radius, along which plane and cylinder meet at most if they touch in a point
@@ -33,11 +33,12 @@ def tangent_walls(patches: Sequence[Patch], noise: float) -> list[Patch]:
     for _, i in order:
         tree = cKDTree(patches[i].xyz)
         for k, wall in enumerate(patches):
-            fits = wall.surface.kind == "plane" and wall.sigma > patches[i].sigma and result[k] is wall
+            fits = wall.surface.kind == "plane" and _is_looser(wall, patches[i]) and result[k] is wall
             if not (fits and touch(wall, patches[i], tree=tree)):
                 continue
-            surface = _touching(wall, patches, patches[i].surface, _NEAR * max(wall.sigma, noise))
-            if surface is not None and surface.rms(wall.xyz) <= _WORSE * max(wall.sigma, noise):
+            worse = max(wall.sigma, patches[i].sigma, noise)
+            surface = _touching(wall, patches, patches[i].surface, _NEAR * worse)
+            if surface is not None and surface.rms(wall.xyz) <= _WORSE * worse:
                 result[k] = replace(wall, surface=surface, sigma=surface.rms(wall.xyz))
     return result
 
@@ -89,6 +90,11 @@ def _direction(wall: Patch, patches: Sequence[Patch]) -> Array:
         if abs(cosine) > _PARALLEL and _looseness(other) < _looseness(best):
             best, axis = other, np.copysign(1.0, cosine) * other.surface.axis
     return axis
+
+
+def _is_looser(wall: Patch, round_: Patch) -> bool:
+    """Whether points know a wall worse than the cylinder beside it: they lie farther from it, or on less of it."""
+    return wall.sigma > round_.sigma or _looseness(wall) > _looseness(round_)
 
 
 def _looseness(patch: Patch) -> float:

@@ -30,11 +30,11 @@ from brepgaussian.brep.judgement import (
     size,
 )
 from brepgaussian.brep.mistaken import mistaken
-from brepgaussian.brep.patches import Patch
+from brepgaussian.brep.patches import Patch, neighbours
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import flattened, grooved, straightened, unbent
 from brepgaussian.brep.regroup import regrouped
-from brepgaussian.brep.rounds import completed, fillets, roundings
+from brepgaussian.brep.rounds import completed, fillets, inner_fillets, roundings
 from brepgaussian.brep.sections import angular
 from brepgaussian.brep.simplify import Change, applied, compatible, proposals
 from brepgaussian.brep.slants import refused_slants, slants
@@ -90,7 +90,7 @@ class Trials:
         self.bordered()
         self._rolled()
         self._simplified()
-        for step in (self._mended, self.rounded):
+        for step in (self._mended, self.rounded_inside, self.rounded):
             before = self.best
             step()
             if self.best is not before:  # what is right now may show that other faces are one
@@ -113,6 +113,13 @@ class Trials:
         for change in self._borders():
             if change.name not in self.refused:
                 self._tried([change], slack=0.0)  # the points are why: they have to like it
+        return self._noted()
+
+    def rounded_inside(self) -> Polished:
+        """Try fillets on concave edges whose steps images show elsewhere."""
+        known = self._refused()
+        if known is not None:
+            self._filleted(partial(inner_fillets, edges=known[1]), mends)
         return self._noted()
 
     def rounded(self) -> Polished:
@@ -305,7 +312,8 @@ class Trials:
         smooth = {i for change in changes if change.smooth for i in change.gone}
         old = _without_edges(self.best, {i for change in changes if change.faint for i in change.gone})
         fillets = {patch.primitive for change in changes if change.smooth for patch in change.new}
-        for job, rung in self._buildings(plain, bool(fillets), built):
+        solids: list[bool] = []
+        for job, rung in self._buildings(plain, changes, built, solids):
             self.left.solids -= 1
             try:
                 attempt: Attempt = self.worker.call("assemble:attempt", (job, rung), job.settings.time_limit_s)
@@ -316,7 +324,8 @@ class Trials:
             if attempt.shape is not None and shape in known:
                 continue  # one and the same solid again
             fault = "; ".join(verdict.faults)
-            built.append(attempt.shape is not None and fillets <= _primitives_of(attempt))
+            solids.append(attempt.shape is not None)
+            built.append(solids[-1] and fillets <= _primitives_of(attempt))
             if attempt.shape is None:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
@@ -345,12 +354,23 @@ class Trials:
                     return "", (job, rung, polished)
         return fault, None
 
-    def _buildings(self, job: Job, fillets: bool, built: Sequence[bool]) -> Iterator[tuple[Job, Rung]]:
-        """What a changed job is built on; with fillets rolled where none was `built` with them: they only touch."""
+    def _buildings(
+        self, job: Job, changes: Sequence[Change], built: Sequence[bool], solids: Sequence[bool]
+    ) -> Iterator[tuple[Job, Rung]]:
+        """What a changed job is built on; with fillets rolled where none was `built` with them: they only touch.
+
+        Where none of the `solids` closed, with the faces beside what was left out extended into its place.
+        """
         rungs = _rungs(self.rung, job)
         yield from ((job, rung) for rung in rungs)
-        if fillets and not any(built):
+        if any(change.smooth for change in changes) and not any(built):
             yield from ((other, rungs[0]) for other in rolled(job, self._noise()))
+        left_out = [i for change in changes if not change.new for i in change.gone]
+        if left_out and not any(solids):
+            beside = {self.job.patches[k].primitive for i in left_out for k in neighbours(i, self.job.patches)}
+            around = {k for k, patch in enumerate(job.patches) if patch.primitive in beside}
+            opened = tuple(sorted({*job.open_patches, *around}))
+            yield replace(job, open_patches=opened), replace(rungs[0], name="open_extended", extend=opened)
 
 
 def _without_edges(known: Polished, surfaces: Collection[int]) -> Polished:

@@ -21,6 +21,7 @@ from brepgaussian.splatting.concave.leaning import (
     tapered,
     to_best_dome,
     to_best_funnel,
+    to_best_sink,
     to_best_taper,
 )
 from brepgaussian.splatting.concave.openings import Images, Stack, rectify
@@ -215,7 +216,9 @@ def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape
             shape = to_best_dome(opening, [shape])
         else:
             shape = _refine(rim, shape if shape.through or sunk else best_depth(opening, _DEPTHS, shape))
-            if shape.draft and not (sunk or shape.through):
+            if sunk:
+                shape = to_best_sink(opening, [shape])
+            elif shape.draft and not shape.through:
                 shape = to_best_taper(opening, shape)
         sure = opening.advantage(opening.costs(best), opening.costs(shape)) > SURE
         most = (_CHAMFERED if sunk else _LEANING) * opening.score(best)[0]

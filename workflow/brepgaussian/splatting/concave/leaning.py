@@ -11,7 +11,8 @@ from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.shapes import FINEST, SHALLOWEST, Opening, Shape, best_depth
 
 _THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
-_COUNTERSINK_RATIO = 1.2  # of the drafts tried first: 45 degrees, then 40 and 50
+_COUNTERSINKS = (0.5, 1.0)  # drafts tried first: seats and funnels are steeper than countersinks
+_COUNTERSINK_RATIO = 1.2  # of the drafts tried next: 45 degrees, then 40 and 50
 _FEW_DEPTHS = 10
 _TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
 _DRAFTS = (0.25, 0.5, 1.0)
@@ -37,21 +38,26 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
     if not straight.through or not shapes:  # fewer rays may not show that it goes through
         shapes.append(straight)
     throats = []
-    for shape in shapes:
+    for shape, draft in product(shapes, _COUNTERSINKS):
         for share in _THROATS:
-            throat = replace(shape, draft=1.0, sink=float(share) * width)
+            throat = replace(shape, draft=draft, sink=float(share) * width)
             throats.append(throat)
-            if shape.through:
+            if shape.through and draft == 1.0:
                 throats.append(replace(throat, depth=throat.depth - throat.sink))
-    widest = float(_THROATS[-1]) * width
+    return to_best_sink(opening, throats)
+
+
+def to_best_sink(opening: Opening, shapes: Sequence[Shape]) -> Shape:
+    """The best countersunk shape that small steps of outline, throat and draft reach from the best of some."""
+    widest = float(_THROATS[-1] * -signed_outline(opening.outline).min())
 
     def moves(best: Shape, step: float) -> Iterable[Shape]:
         for g, k in _RIM_MOVES:
             yield replace(best, grow=best.grow + g * step, sink=float(np.clip(best.sink + k * step, 0.0, widest)))
         drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
-        yield from (replace(best, draft=draft) for draft in drafts if 1 / _MOST_DRAFT <= draft <= _MOST_DRAFT)
+        yield from (replace(best, draft=draft) for draft in drafts if 1 / _STEEPEST <= draft <= _STEEPEST)
 
-    return _descended(opening, min(throats, key=opening.cost), moves, 1.0)
+    return _descended(opening, min(shapes, key=opening.cost), moves, 1.0)
 
 
 def stepped(opening: Opening, sunk: Shape) -> Shape:

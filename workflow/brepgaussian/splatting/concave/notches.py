@@ -152,9 +152,12 @@ def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chord
     gone = float(np.count_nonzero((hull.field > 0) & (left.field <= 0)))
     if gone < _LEAST_VOXELS:
         return None
-    lost = lost_share(chords, prism.contains(chords.samples(), margin))
+    sure = _surely(prism)
+    lost = lost_share(chords, sure.contains(chords.samples(), margin))
     behind = left.scene()
     at, before, after, missing = changes(images, scene, behind, _REACH_VOXELS * hull.spacing)
+    if sure is not prism:
+        missing = changes(images, scene, hull.without(sure, margin).scene(), _REACH_VOXELS * hull.spacing)[-1]
     old, new, told = mean_cost(before), mean_cost(after), before[1] & after[1]
     good = lost <= MOST_LOST and missing <= MOST_LOST and (told.sum() < _LEAST_RAYS or new <= _GAIN * old)
     good = good and not _stands(prism, at[told], before[0][told], after[0][told])
@@ -164,6 +167,15 @@ def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chord
         gone, 100 * lost, new, old, told.sum(), "" if good else ": not believed",
     )  # fmt: skip
     return (left, behind) if good else None
+
+
+def _surely(prism: Prism) -> Prism:
+    """A notch without the cells along its edge if cells are all that is known of it: of rays that graze what stands
+    there, half a cell too many leaves nothing.
+    """
+    if prism.section is not None:
+        return prism
+    return replace(prism, outline=ndimage.binary_erosion(prism.outline, iterations=_BLUR_CELLS))
 
 
 def _stands(prism: Prism, at: Array, before: Array, after: Array) -> bool:
