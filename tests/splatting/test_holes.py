@@ -42,6 +42,16 @@ def test_a_hole_whose_far_mouth_is_straight_and_as_wide_is_not_countersunk(radiu
     assert (found[0].draft == 0) == straight
 
 
+def test_the_cone_of_a_seat_goes_on_to_the_bore_that_its_other_mouth_shows():
+    """Few rays tell where a seat ends, so its throat is taken for wider than the bore."""
+    seat = replace(hole(UP, [0.5, 0.5, 0.8], 0.5, radius=0.09), draft=0.6, sink=0.03)
+    found, bore = joined([seat, hole(-UP, [0.5, 0.5, 0.3], 0.5, radius=0.04)], 0.01)
+    assert not found.through
+    assert found.sink == pytest.approx(0.05, abs=0.004)
+    assert found.depth == pytest.approx(found.sink / 0.6)
+    assert bore.through
+
+
 def test_a_hole_through_a_tubes_wall_does_not_join_what_is_around_it_to_its_bore():
     """Silhouettes leave a slit of it, and a chamfer empties what is outside of the tube at one end."""
     x, y, z = np.moveaxis(GRID - 0.5, -1, 0)

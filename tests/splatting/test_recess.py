@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, recess, sweep
 from brepgaussian.splatting.concave.agreement import rays_near
+from brepgaussian.splatting.concave.gaps import gaps
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.recess import open_recesses
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.hull import hull_field, silhouette_distance
-from build123d import Align, Box, Pos
+from build123d import Align, Box, Cylinder, Pos, Rot
 from rendered import rendered
 
 SPACING = 1 / 100
 X, Y, Z = np.moveaxis(np.stack(np.meshgrid(*[SPACING * np.arange(101)] * 3, indexing="ij"), axis=-1), -1, 0)
 BLOCK = np.minimum.reduce([0.4 - np.abs(X - 0.5), 0.3 - np.abs(Y - 0.5), 0.3 - np.abs(Z - 0.5)])
 TOP, BOTTOM = 0.8, 0.2
+LOW = (Align.CENTER, Align.CENTER, Align.MIN)
 SHAFT = Prism(Lattice(np.array([0.4, 0.4, TOP]), *np.eye(3), 0.01, (20, 20)), np.ones((20, 20), bool), 0.6, False, 0)
 
 
@@ -63,6 +65,61 @@ def test_a_recess_ends_above_a_face_that_stands_in_it():
     floor = face_at(0.6, without=lambda x, y: ~within_slot(x, y))
     ((prism, _),) = recess._sections(solid(slot(0.3, rise=0.8)), mouth, [mouth, floor])
     assert prism.depth == pytest.approx(0.2, abs=1e-6)
+
+
+def across(depth):
+    """Of a groove all across the block's top, .1 wide, with a hole in its middle; its floor rises inwards."""
+    floor = np.minimum(TOP - depth + 0.6 * np.minimum(X - 0.1, 0.9 - X), TOP - 0.01)
+    groove = np.minimum(0.05 - np.abs(Y - 0.5), Z - floor)
+    return np.maximum(groove, 0.12 - np.hypot(X - 0.5, Y - 0.5))
+
+
+def beside_groove(side):
+    """The block's top on one side of that groove, and of the hole."""
+    return face_at(TOP, without=lambda x, y: ((y - 0.5) * side < 0.05) | (np.hypot(x - 0.5, y - 0.5) < 0.12))
+
+
+@pytest.mark.parametrize("rib", [False, True])
+def test_faces_of_one_plane_leave_the_groove_between_them(rib):
+    faces = [beside_groove(side) for side in (1, -1)]
+    hull = solid(across(0.1))
+    if rib:
+        hull = hull.with_field(np.maximum(hull.field, np.minimum(0.04 - np.abs(Y - 0.5), 0.1 - np.abs(Z - TOP))))
+    found = list(gaps(hull, faces[0], faces))
+    assert len(found) == (not rib)
+    for gap in found:
+        x, y, height = np.moveaxis(gap.lattice.centers()[gap.outline], -1, 0)
+        assert gap.area == pytest.approx(0.1 * (0.8 - 0.24), rel=0.1)  # clear of the hole
+        assert np.quantile(np.abs(y - 0.5), 0.9) < 0.06  # but around the hole
+        assert [x.min(), x.max()] == pytest.approx([0.1, 0.9], abs=0.02)
+        assert height == pytest.approx(TOP)
+        assert gap.depth == pytest.approx(TOP - BOTTOM, abs=0.02)
+    assert not list(gaps(hull, face_at(BOTTOM, -1.0), [face_at(BOTTOM, -1.0)]))  # nothing lies beside it
+    assert not list(gaps(hull, faces[0], faces[:1]))  # nor between one face and itself
+
+
+def test_a_groove_across_a_round_plate_is_carved_to_its_floor(tmp_path):
+    """No face lies at its ends, and no camera looks along it."""
+    plate = Cylinder(30, 12, align=LOW) - Cylinder(12, 50) - Rot(0, 0, 20) * Pos(0, 0, 8) * Box(80, 6, 10, align=LOW)
+    views, truth = rendered(tmp_path, plate, 40, 500)
+    hull, images = Volume(*_field(views)), Images.of(views, 0.0)
+    scale = float(np.ptp(truth.mesh_vertices, axis=0).max()) / 60
+    low, high = truth.mesh_vertices.min(axis=0), truth.mesh_vertices.max(axis=0)
+    middle = np.array([*((low + high) / 2)[:2], high[2]])
+    faces = []
+    for side in (1, -1):
+        lattice = Lattice(middle - 31 * scale * np.array([1, 1, 0]), *np.eye(3), scale / 2, (124, 124))
+        x, y = np.moveaxis((lattice.centers() - middle)[..., :2] / scale, -1, 0)
+        turned = -np.sin(np.radians(20)) * x + np.cos(np.radians(20)) * y
+        faces.append((lattice, (np.hypot(x, y) < 30) & (np.hypot(x, y) > 12) & (side * turned > 3)))
+    opened, (groove,) = open_recesses(images, hull, faces)
+    assert groove.depth == pytest.approx(4 * scale, abs=0.004)
+    along = scale * np.array([np.cos(np.radians(20)), np.sin(np.radians(20)), 0])
+    deep, shallow = middle - [0, 0, 5 * scale], middle - [0, 0, 3.2 * scale]
+    inside = np.array([shallow + k * along for k in (-24, -18, 18, 24)])
+    assert (opened.scene().signed_distance(inside) > 0).all()
+    assert (hull.scene().signed_distance(inside) < 0).any()
+    assert (opened.scene().signed_distance(inside - shallow + deep) < 0).all()
 
 
 @pytest.mark.parametrize(

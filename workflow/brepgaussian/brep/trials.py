@@ -119,7 +119,7 @@ class Trials:
         """Try fillets on concave edges whose steps images show elsewhere."""
         known = self._refused()
         if known is not None:
-            self._filleted(partial(inner_fillets, edges=known[1]), mends)
+            self._filleted(partial(inner_fillets, edges=known[1]))
         return self._noted()
 
     def rounded(self) -> Polished:
@@ -179,7 +179,7 @@ class Trials:
             if not self._filleted(propose, as_good):
                 break
 
-    def _filleted(self, propose: Fillets, enough: Enough) -> bool:
+    def _filleted(self, propose: Fillets, enough: Enough | None = None) -> bool:
         """Whether one of some fillets, which touch the best solid's surfaces exactly, was taken.
 
         They are few, and what simpler solids cost is no reason to leave them.

@@ -59,7 +59,7 @@ def joined(prisms: Sequence[Prism], tolerance: float) -> list[Prism]:
                     left[narrow] = replace(left[narrow], depth=distance)
                 wider = throat(left[wide]) - throat(left[narrow])
                 if wider > tolerance:
-                    left[wide] = replace(left[wide], depth=_rim_depth(left[wide], wider), through=False)
+                    left[wide] = _rim_of(left[wide], wider)
     return left
 
 
@@ -229,9 +229,10 @@ def throat(prism: Prism) -> float:
     return float(np.sqrt(cells / np.pi) * prism.lattice.pitch)
 
 
-def _rim_depth(prism: Prism, narrower: float) -> float:
-    """How deep a rim's cone reaches, if it goes on until the hole is narrower by some length than the throat it has."""
-    return (prism.sink + narrower) / prism.draft if prism.draft else 0.0
+def _rim_of(prism: Prism, narrower: float) -> Prism:
+    """A rim whose cone goes on until the hole is narrower by some length than the throat it has."""
+    sink = prism.sink + narrower
+    return replace(prism, depth=sink / prism.draft if prism.draft else 0.0, sink=sink, through=False)
 
 
 def distance_between(first: Prism, second: Prism) -> float:

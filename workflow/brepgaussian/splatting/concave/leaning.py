@@ -11,7 +11,7 @@ from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.shapes import FINEST, SHALLOWEST, Opening, Shape, best_depth
 
 _THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
-_COUNTERSINKS = (0.5, 1.0)  # drafts tried first: seats and funnels are steeper than countersinks
+_COUNTERSINKS = (1.0, 0.5)  # drafts tried first: seats are steeper than countersinks
 _COUNTERSINK_RATIO = 1.2  # of the drafts tried next: 45 degrees, then 40 and 50
 _FEW_DEPTHS = 10
 _TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
@@ -37,14 +37,13 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
     shapes = [Shape(end, through=True) for end in opening.ends] if opening.holed else []
     if not straight.through or not shapes:  # fewer rays may not show that it goes through
         shapes.append(straight)
-    throats = []
-    for shape, draft in product(shapes, _COUNTERSINKS):
-        for share in _THROATS:
-            throat = replace(shape, draft=draft, sink=float(share) * width)
-            throats.append(throat)
-            if shape.through and draft == 1.0:
-                throats.append(replace(throat, depth=throat.depth - throat.sink))
-    return to_best_sink(opening, throats)
+    tried: list[Shape] = []
+    for draft in _COUNTERSINKS:
+        throats = [replace(shape, draft=draft, sink=float(k) * width) for shape in shapes for k in _THROATS]
+        if draft == 1.0:
+            throats += [replace(t, depth=t.depth - t.sink) for t in throats if t.through]
+        tried.append(to_best_sink(opening, throats))
+    return min(tried, key=opening.cost)
 
 
 def to_best_sink(opening: Opening, shapes: Sequence[Shape]) -> Shape:
@@ -55,7 +54,7 @@ def to_best_sink(opening: Opening, shapes: Sequence[Shape]) -> Shape:
         for g, k in _RIM_MOVES:
             yield replace(best, grow=best.grow + g * step, sink=float(np.clip(best.sink + k * step, 0.0, widest)))
         drafts = [best.draft * _COUNTERSINK_RATIO ** (k * step) for k in (-1, 1)]
-        yield from (replace(best, draft=draft) for draft in drafts if 1 / _STEEPEST <= draft <= _STEEPEST)
+        yield from (replace(best, draft=draft) for draft in drafts if 1 / _STEEPEST <= draft <= _MOST_DRAFT)
 
     return _descended(opening, min(shapes, key=opening.cost), moves, 1.0)
 

@@ -15,6 +15,7 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements, rays_near
 from brepgaussian.splatting.concave.columns import FINER, PARALLEL, Columns
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
+from brepgaussian.splatting.concave.gaps import gaps
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
@@ -29,6 +30,7 @@ _WALLS = 0.5  # of a section's border are walls, else it is what lies beside a b
 _LEAST_CELLS = 30  # of a section, in voxels
 _DEPTHS = 8  # that are tried, evenly, before those around the best
 _MOST_TRIED = 4  # sections of all faces, those with most in them first
+_MOST_GAPS = 2  # between faces of one plane that are tried
 _COVERED = 0.1  # of a section is cut away of faces that views have confirmed: they stand in it
 _IN_HOLE = 0.5  # of a section, then it is that hole's; voxels are coarse
 _GAIN, _SURE_GAIN = 0.6, 0.75  # of the disagreement is left at most, and if rays surely tell of the recess
@@ -53,17 +55,22 @@ def open_recesses(
     """
     done: list[Prism] = []
     planes, through = _planes(faces, hull.spacing), [prism for prism in known if prism.through]
-    sections = [s for face in planes for s in _sections(hull, face, faces) if not _in_hole(s[0], through)]
-    if not sections:
-        return hull, done
-    scene = hull.scene()
-    for deepest, _ in sorted(sections, key=lambda s: -s[1])[:_MOST_TRIED]:
-        found = _deepened(images, hull, scene, deepest)
-        if found is not None:
-            hull = hull.without(found, 0.0)
-            scene = hull.scene()
-            done.append(found)
+    for of, most in ((_gaps, _MOST_GAPS), (_sections, _MOST_TRIED)):  # views show more exactly than a hull does
+        sections = [s for face in planes for s in of(hull, face, faces) if not _in_hole(s[0], through)]
+        scene = hull.scene() if sections else None
+        for deepest, _ in sorted(sections, key=lambda s: -s[1])[:most]:
+            assert scene is not None
+            found = _deepened(images, hull, scene, deepest)
+            if found is not None and _volume(hull, found) >= LEAST_VOLUME_VOXELS:
+                hull = hull.without(found, 0.0)
+                scene = hull.scene()
+                done.append(found)
     return hull, done
+
+
+def _volume(hull: Volume, recess: Prism) -> float:
+    """Voxels of a hull that are in a recess."""
+    return float(np.count_nonzero((hull.field > 0) & (hull.without(recess, 0.0).field <= 0)))
 
 
 def _planes(faces: Sequence[Outlined], spacing: float) -> list[Outlined]:
@@ -100,6 +107,15 @@ def _sections(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterat
         volume = (below[columns.heights[: len(below)] > top - depth] > 0)[:, section].sum()
         if volume >= LEAST_VOLUME_VOXELS:
             yield replace(prism, depth=depth), float(volume)
+
+
+def _gaps(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[tuple[Prism, float]]:
+    """What faces of one plane leave of it, as deep as nothing confirmed stands there; and voxels."""
+    for gap in gaps(hull, face, faces):
+        free = replace(gap, depth=_free_depth(gap, faces, hull.spacing))
+        volume = _volume(hull, free)
+        if volume >= LEAST_VOLUME_VOXELS:
+            yield free, volume
 
 
 def _in_hole(section: Prism, through: Sequence[Prism]) -> bool:
