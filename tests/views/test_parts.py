@@ -164,14 +164,33 @@ HUBS = {
     "eccentric_shaft": (9, 7, 0, 0, 0),
     "bowl_flange": (3, 4, 0, 2, 0),
 }
-COUNTED = DRILLED | FIXTURE | HUBS | LINKS | MOUNTS | ROUNDED | TRAYS
+BARS = {
+    "square_tube": (10, 10, 0, 0, 0),
+    "i_beam": (14, 6, 0, 0, 0),
+    "t_slot_plate": (16, 4, 0, 0, 0),
+    "ear_bracket": (14, 8, 0, 0, 0),
+    "slotted_angle": (15, 6, 0, 0, 0),
+    "fan_plate": (7, 10, 0, 0, 0),
+}
+DISCS = {
+    "socket_screw": (10, 2, 2, 0, 0),
+    "arc_disc": (4, 12, 0, 0, 0),
+    "piston": (7, 8, 1, 0, 0),
+    "oil_washer": (17, 2, 4, 0, 0),
+    "ratchet_wheel": (29, 1, 0, 0, 0),
+    "chain_plate": (6, 6, 0, 0, 0),
+}
+COUNTED = BARS | DISCS | DRILLED | FIXTURE | HUBS | LINKS | MOUNTS | ROUNDED | TRAYS
 
 
 @pytest.mark.parametrize(
     ("module", "counted"),
     [
+        ("bars", BARS),
+        ("discs", DISCS),
         ("drilled", DRILLED),
         ("fixture", FIXTURE),
+        ("hubs", HUBS),
         ("links", LINKS),
         ("mounts", MOUNTS),
         ("rounded", ROUNDED),
@@ -363,10 +382,21 @@ def test_links_have_the_volumes_of_the_formulas():
     assert build_part("nozzle_plate").volume == pytest.approx(plate - sinks, rel=1e-6)
 
 
+def test_bars_and_discs_have_the_volumes_of_the_formulas():
+    section = 32**2 - 6**2 * (4 - math.pi) - 24**2 + 3.6**2 * (4 - math.pi)
+    assert build_part("square_tube").volume == pytest.approx(section * 60 - 2 * math.pi * 6**2 * 4, rel=1e-6)
+    section = 2 * 34 * 7 + 6 * (48 - 7) + 4**2 * (4 - math.pi)
+    assert build_part("i_beam").volume == pytest.approx(section * 56 - 2 * math.pi * 6**2 * 6, rel=1e-6)
+    teeth = 12 * 34 * (34 - 6) / 2 * math.sin(math.pi / 6)
+    segment = 2.5 * math.sqrt(9**2 - 2.5**2) + 9**2 * math.asin(2.5 / 9)  # of the bore, as wide as the key
+    section = teeth - math.pi * 9**2 - (5 * 11.5 - segment)
+    assert build_part("ratchet_wheel").volume == pytest.approx(section * 12, rel=1e-6)
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 143
+    assert len(PARTS) == 155
     assert len(held_out) * 3 >= len(PARTS)
 
 

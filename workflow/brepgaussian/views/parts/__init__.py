@@ -185,10 +185,22 @@ PARTS: dict[str, PartInfo] = {
     "screw_case": PartInfo("trays", "drilled bosses in the corners of a case", HOLDOUT),
     "spline_hub": PartInfo("hubs", "a bore with six grooves", HOLDOUT),
     "wing_nut": PartInfo("hubs", "wings that leave a cone", HOLDOUT),
-    "gland_nut": PartInfo("hubs", "a groove below a hexagon, a conical seat", HOLDOUT),
+    "gland_nut": PartInfo("hubs", "a groove below a hexagon, a conical seat", TUNED),
     "hex_standoff": PartInfo("hubs", "a deep blind bore, a chamfered stud", HOLDOUT),
     "eccentric_shaft": PartInfo("hubs", "an eccentric journal between collars, a keyway with round ends", TUNED),
     "bowl_flange": PartInfo("hubs", "a thin spherical shell", HOLDOUT),
+    "square_tube": PartInfo("bars", "a square tube, rounded inside and outside, a hole across", HOLDOUT),
+    "i_beam": PartInfo("bars", "fillets between a web and flanges, holes in the web", TUNED),
+    "t_slot_plate": PartInfo("bars", "a slot like a T, two counterbored holes", TUNED),
+    "ear_bracket": PartInfo("bars", "two ears with round tops, one hole across both", HOLDOUT),
+    "slotted_angle": PartInfo("bars", "an angle with a rib, slots and holes", HOLDOUT),
+    "fan_plate": PartInfo("bars", "a thin collar around a wide bore in a plate", HOLDOUT),
+    "socket_screw": PartInfo("discs", "a hexagonal socket in a chamfered head", HOLDOUT),
+    "arc_disc": PartInfo("discs", "curved slots around a boss, a pin", HOLDOUT),
+    "piston": PartInfo("discs", "two narrow ring grooves, hollow below, a cross hole", HOLDOUT),
+    "oil_washer": PartInfo("discs", "grooves across a ring that end at round sides", TUNED),
+    "ratchet_wheel": PartInfo("discs", "saw teeth around a keyed bore", TUNED),
+    "chain_plate": PartInfo("discs", "short flats between round ends and round waists", TUNED),
 }
 
 
