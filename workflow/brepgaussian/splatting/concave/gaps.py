@@ -53,7 +53,7 @@ def gaps(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[Pr
 
 def _on(face: Outlined, plane: Outlined, spacing: float) -> bool:
     """Whether a face lies on another one's plane."""
-    return face[0].normal @ plane[0].normal > PARALLEL and abs(face[0].offset - plane[0].offset) < spacing
+    return bool(face[0].normal @ plane[0].normal > PARALLEL and abs(face[0].offset - plane[0].offset) < spacing)
 
 
 def _shown(columns: Columns, top: float, faces: Sequence[Outlined]) -> Cells:
