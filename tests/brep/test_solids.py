@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from brep_support import patches_of
 from brepgaussian.brep import occ, solid
 from brepgaussian.brep.build_faces import build_face
 from brepgaussian.brep.cells import arrange, sample_triangles
@@ -15,7 +16,7 @@ from brepgaussian.brep.polyhedron import polyhedral
 from brepgaussian.brep.sheets import make_sheet
 from brepgaussian.brep.silhouettes import make_silhouettes
 from brepgaussian.brep.structure import extract
-from brepgaussian.geometry.surfaces import cylinder, plane, torus
+from brepgaussian.geometry.surfaces import cylinder, plane, sphere, torus
 from brepgaussian.settings.brep import BrepSettings
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
@@ -48,6 +49,31 @@ def test_cells_of_a_block_with_a_hole(kit):
     evidence = gather(found, patches, None)
     used = [i for i, o in enumerate(found.origins) if o and found.area[i] > 0.01]
     assert min(evidence.coverage[i] for i in used if found.origins[i] == (6,)) > 0.95
+
+
+def test_a_hemisphere_on_a_plate_closes():
+    """Poles on its rim, in the plate's plane, would leave its sheet no margin there."""
+    rng = np.random.default_rng(3)
+    middle, radius, side, deep = np.array([0.5, 0.5, 0.5]), 0.37, 0.45, 0.3
+    out = rng.normal(size=(6000, 3))
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    out[:, 2] = np.abs(out[:, 2])
+    surfaces, clouds = [sphere(middle, radius)], [middle + radius * out]
+    ring = rng.uniform(-side, side, (6000, 2))
+    ring = ring[np.hypot(*ring.T) > radius]
+    surfaces.append(plane(middle, np.eye(3)[2]))
+    clouds.append(middle + np.column_stack([ring, np.zeros(len(ring))]))
+    surfaces.append(plane(middle - deep * np.eye(3)[2], -np.eye(3)[2]))
+    clouds.append(middle + np.column_stack([rng.uniform(-side, side, (3000, 2)), np.full(3000, -deep)]))
+    for axis, sign in product((0, 1), (-1.0, 1.0)):
+        wall = np.column_stack([rng.uniform(-side, side, (1500, 2)), rng.uniform(-deep, 0, 1500)])
+        wall[:, axis] = sign * side
+        surfaces.append(plane(middle + sign * side * np.eye(3)[axis], sign * np.eye(3)[axis]))
+        clouds.append(middle + wall)
+    found = arrangement_of(patches_of(surfaces, clouds))
+    _, volume = cell_volumes(found, None)
+    dome = 2 / 3 * np.pi * radius**3
+    np.testing.assert_allclose(np.sort(volume), np.sort([dome, (2 * side) ** 2 * deep]), rtol=0.03)
 
 
 def bent_rod(rng, noise=0.0):

@@ -14,6 +14,8 @@ from brepgaussian.brep.patches import Patch
 Array = NDArray[np.float64]
 
 BOX = np.array([[-0.1] * 3, [1.1] * 3])  # a sheet of full extent ends here: the unit frame and a rim
+_DOME = 0.5  # cosine between a sphere's middle and its farthest points: a cap that spans 120 degrees
+_FEW = 0.01  # of a support's points may be wrong
 FULL_TURN_GAP = np.radians(100.0)  # a support with a smaller gap is taken as a full turn
 _CLOSED = 2.0  # of reach: a gap as narrow as that between points is none
 _EIGHTH = TURN / 8  # half of the quarter turn beyond its support in which an extended sheet may end
@@ -82,7 +84,7 @@ def _sphere_axis(index: int, patches: Sequence[Patch]) -> Array:
     """The axis of a surface of revolution that a sphere is centred on, else one across the support.
 
     Neighbours on the axis meet the sphere in circles of constant v; without one, poles and seam are
-    kept away from the support.
+    kept away from the support, but of a dome: poles on its rim would be where its sheet has no margin.
     """
     patch = patches[index]
     center, radius = patch.surface.origin, patch.surface.radius
@@ -100,7 +102,9 @@ def _sphere_axis(index: int, patches: Sequence[Patch]) -> Array:
     mean = (patch.xyz - center).mean(axis=0)
     if np.linalg.norm(mean) < 0.1 * radius:
         return np.array([0.0, 0.0, 1.0])
-    return chart_of(patch.surface, mean / np.linalg.norm(mean)).x
+    mean /= np.linalg.norm(mean)
+    lowest = np.quantile((patch.xyz - center) @ mean, _FEW) / radius
+    return mean if lowest < _DOME else chart_of(patch.surface, mean).x
 
 
 def _ends(
