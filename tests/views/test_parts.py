@@ -171,6 +171,9 @@ BARS = {
     "ear_bracket": (14, 8, 0, 0, 0),
     "slotted_angle": (15, 6, 0, 0, 0),
     "fan_plate": (7, 10, 0, 0, 0),
+    "pulley_fork": (8, 5, 0, 0, 0),
+    "gib_key": (12, 0, 0, 0, 0),
+    "z_bracket": (12, 7, 0, 0, 0),
 }
 DISCS = {
     "socket_screw": (10, 2, 2, 0, 0),
@@ -179,6 +182,11 @@ DISCS = {
     "oil_washer": (17, 2, 4, 0, 0),
     "ratchet_wheel": (29, 1, 0, 0, 0),
     "chain_plate": (6, 6, 0, 0, 0),
+    "bearing_cover": (4, 10, 0, 0, 0),
+    "cap_nut": (9, 1, 0, 1, 0),
+    "thumb_knob": (3, 14, 0, 0, 0),
+    "step_cone": (3, 6, 1, 0, 0),
+    "spider": (10, 5, 0, 0, 0),
 }
 COUNTED = BARS | DISCS | DRILLED | FIXTURE | HUBS | LINKS | MOUNTS | ROUNDED | TRAYS
 
@@ -391,12 +399,16 @@ def test_bars_and_discs_have_the_volumes_of_the_formulas():
     segment = 2.5 * math.sqrt(9**2 - 2.5**2) + 9**2 * math.asin(2.5 / 9)  # of the bore, as wide as the key
     section = teeth - math.pi * 9**2 - (5 * 11.5 - segment)
     assert build_part("ratchet_wheel").volume == pytest.approx(section * 12, rel=1e-6)
+    cap = 2 * math.sqrt(3) * 14**2 * 12 + 2 / 3 * math.pi * 12**3 - math.pi * 6**2 * 15
+    assert build_part("cap_nut").volume == pytest.approx(cap, rel=1e-6)
+    pins = math.pi * 8**2 * (2 * 16 + 2 * 11)
+    assert build_part("spider").volume == pytest.approx(26**3 + pins - math.pi * 8**2 * 26, rel=1e-6)
 
 
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 155
+    assert len(PARTS) == 163
     assert len(held_out) * 3 >= len(PARTS)
 
 

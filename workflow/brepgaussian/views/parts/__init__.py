@@ -201,6 +201,14 @@ PARTS: dict[str, PartInfo] = {
     "oil_washer": PartInfo("discs", "grooves across a ring that end at round sides", TUNED),
     "ratchet_wheel": PartInfo("discs", "saw teeth around a keyed bore", TUNED),
     "chain_plate": PartInfo("discs", "short flats between round ends and round waists", TUNED),
+    "pulley_fork": PartInfo("bars", "cheeks with round ends, one hole across both", HOLDOUT),
+    "gib_key": PartInfo("bars", "a taper of four degrees, chamfers that miss each other by .2 mm", HOLDOUT),
+    "z_bracket": PartInfo("bars", "bends rounded inside and outside", HOLDOUT),
+    "bearing_cover": PartInfo("discs", "a recess in a spigot, a bolt circle", HOLDOUT),
+    "cap_nut": PartInfo("discs", "a hemisphere on a plane", TUNED),
+    "thumb_knob": PartInfo("discs", "scallops around a knob", HOLDOUT),
+    "step_cone": PartInfo("discs", "a cone between cylinders, a stepped bore, a cross hole", HOLDOUT),
+    "spider": PartInfo("discs", "pins on a cube, in pairs", HOLDOUT),
 }
 
 

@@ -1,6 +1,9 @@
 """Bundled parts cut from bar, tube and plate: sections with fillets, slots like a T, brackets with ears or ribs."""
 
+from math import hypot
+
 from build123d import (
+    Align,
     Axis,
     Box,
     Circle,
@@ -13,6 +16,7 @@ from build123d import (
     RectangleRounded,
     Rot,
     SlotOverall,
+    chamfer,
     extrude,
     fillet,
 )
@@ -91,3 +95,39 @@ def fan_plate(s: Sizes) -> Part:
         for y in (-1, 1):
             body -= Pos(x * side * 0.4, y * side * 0.4, 0) * Cylinder(s(3, 0), BEYOND)
     return body
+
+
+def pulley_fork(s: Sizes) -> Part:
+    """A U of thick walls with round ends, a pin hole through both, a hole in its back."""
+    wide, gap, wall, deep, back = s(30), s(18), s(8), s(38), s(10)
+    cheek = Plane.XZ * (Pos(deep / 2, 0) * Rectangle(deep, wide) + Pos(deep, 0) * Circle(wide / 2))
+    body = extrude(cheek, gap / 2 + wall, both=True)
+    body -= Pos(back, 0, 0) * Box(BEYOND, gap, BEYOND, align=(Align.MIN, Align.CENTER, Align.CENTER))
+    body -= Pos(deep, 0, 0) * Rot(90, 0, 0) * Cylinder(s(6), BEYOND)
+    return body - Rot(0, 90, 0) * Cylinder(s(4), BEYOND)
+
+
+def gib_key(s: Sizes) -> Part:
+    """A tapered key with a head that slopes, chamfered at its thin end."""
+    long, wide, high, head, drop = s(72), s(20), s(16), s(18), s(5)
+    back, up = s(5), s(9)
+    top = high + up
+    body = profile(
+        (0, 0), (long, 0), (long, high - drop), (head, high), (head - back, top), (0, top), depth=wide
+    )  # fmt: skip
+    return chamfer(body.faces().sort_by(Axis.X)[-1].edges(), s(1.8))
+
+
+def z_bracket(s: Sizes) -> Part:
+    """A sheet bent to a Z, rounded inside and outside of its bends, a slot in one foot and a hole in the other."""
+    foot, up, thick, wide, inner = s(30), s(34), s(6, 0.08), s(44), s(4)
+    low, high, far, wall = thick, up - thick, 2 * foot - thick, foot - thick
+    body = profile(
+        (0, 0), (foot, 0), (foot, high), (far, high), (far, up), (wall, up), (wall, low), (0, low), depth=wide
+    )  # fmt: skip
+    for radius, places in ((inner, ((foot, high), (wall, low))), (inner + thick, ((foot, 0), (wall, up)))):
+        edges = body.edges().filter_by(Axis.Y)
+        at = [e for e in edges if any(hypot(e.center().X - x, e.center().Z - z) < 1e-6 for x, z in places)]
+        body = fillet(at, radius)
+    body -= Pos(foot * 0.4, 0, 0) * extrude(SlotOverall(s(20), s(8), rotation=90), 2 * thick, both=True)
+    return body - Pos(foot * 1.5, 0, up) * Cylinder(s(5), 3 * thick)

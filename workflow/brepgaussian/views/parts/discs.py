@@ -13,6 +13,7 @@ from build123d import (
     Rot,
     SlotArc,
     SlotOverall,
+    Sphere,
     chamfer,
     extrude,
 )
@@ -83,3 +84,48 @@ def chain_plate(s: Sizes) -> Part:
     for x in (-1, 1):
         body -= Pos(x * span / 2, 0, 0) * Cylinder(bore, BEYOND)
     return body
+
+
+def bearing_cover(s: Sizes) -> Part:
+    """A cover with a spigot, a recess for a seal below, a bore and six holes."""
+    rim, thick, spigot, deep, bore = s(36, 0.05), s(9), s(24, 0.05), s(8), s(9)
+    body = Cylinder(rim, thick, align=BOTTOM) + Pos(0, 0, -deep) * Cylinder(spigot, deep, align=BOTTOM)
+    body -= Cylinder(bore, BEYOND)
+    body -= Pos(0, 0, -deep) * Cylinder(s(15, 0.05), s(6), align=BOTTOM)
+    for k in range(6):
+        body -= Rot(0, 0, 60 * k + 15) * Pos((rim + spigot) / 2, 0, 0) * Cylinder(s(2.8, 0), BEYOND)
+    return body
+
+
+def cap_nut(s: Sizes) -> Part:
+    """A hexagon under a hemisphere, a blind bore below."""
+    apothem, high, dome = s(14, 0.05), s(12), s(12, 0.05)
+    cap = Pos(0, 0, high) * (Sphere(dome) & Box(BEYOND, BEYOND, BEYOND, align=BOTTOM))
+    return hexagon(apothem, high) + cap - Cylinder(s(6), s(15, 0.05), align=BOTTOM)
+
+
+def thumb_knob(s: Sizes) -> Part:
+    """A knob with six round scallops above a hub, bored."""
+    rim, thick, hub, high, scallop = s(28, 0.05), s(13), s(12, 0.08), s(12), s(8)
+    body = Cylinder(rim, thick, align=BOTTOM) + Pos(0, 0, -high) * Cylinder(hub, high, align=BOTTOM)
+    for k in range(6):
+        body -= Rot(0, 0, 60 * k) * Pos(rim + scallop * 0.45, 0, 0) * Cylinder(scallop, BEYOND)
+    return body - Cylinder(s(5), BEYOND)
+
+
+def step_cone(s: Sizes) -> Part:
+    """A cone between two cylinders, a cross hole, a bore that steps."""
+    a, b, long, mid, end = s(12, 0.06), s(20, 0.06), s(22), s(20), s(16)
+    body = turn((0, 0), (a, 0), (a, long), (b, long + mid), (b, long + mid + end), (0, long + mid + end))
+    body -= Cylinder(s(5), BEYOND)
+    body -= Pos(0, 0, long + mid + end - s(14)) * Cylinder(s(11), BEYOND, align=BOTTOM)
+    return body - Pos(0, 0, long * 0.5) * Rot(90, 0, 0) * Cylinder(s(3.5), BEYOND)
+
+
+def spider(s: Sizes) -> Part:
+    """A cube with two long and two short pins, bored along the third axis."""
+    side, pin, long, short = s(26, 0.06), s(8), s(16), s(11)
+    body = Box(side, side, side)
+    for k, reach in enumerate((long, short, long, short)):
+        body += Rot(0, 0, 90 * k) * Pos(side / 2, 0, 0) * Rot(0, 90, 0) * Cylinder(pin, reach, align=BOTTOM)
+    return body - Cylinder(s(8), BEYOND)
