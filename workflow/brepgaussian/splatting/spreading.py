@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 _PACKING = 0.47  # share of the surface under disks of half the distance that dart throwing reaches (measured)
 _OVERSAMPLING = 12  # candidates per kept point when spreading points evenly
 _ENOUGH = 30  # points on a face: so many outweigh what a label of its own has to save
+_ACROSS = 3.0  # points side by side on a strip: with fewer, most of them reach beyond its edges
 _CLOSEST = 0.5  # of the usual distance: below that, points are closer than hull's vertices
 _SPECK = 2.0  # points' areas: what is smaller is an unevenness of the hull
 _SMOOTH_DEG = 15.0  # between normals of neighbouring vertices of one face
@@ -34,19 +35,24 @@ def spread_closer(hull: "Hull", count: int, seed: int) -> tuple[Array, Array, Ar
 
     Where no face is small, just what `spread` gives.
     """
-    points = face_areas(hull) * (count / _areas(hull).sum())  # (T,) that its face would get
-    share = np.where(points < _SPECK, 1.0, np.clip(np.sqrt(points / _ENOUGH), _CLOSEST, 1.0))
+    areas, widths = faces_of(hull)
+    points = areas * (count / _areas(hull).sum())  # (T,) that its face would get
+    across = widths / _distance(hull, count)
+    share = np.where(
+        points < _SPECK, 1.0, np.clip(np.minimum(np.sqrt(points / _ENOUGH), across / _ACROSS), _CLOSEST, 1.0)
+    )
     return _thrown(hull, count, share, seed)
 
 
-def face_areas(hull: "Hull") -> Array:
-    """(T,) area of the smooth face that each triangle of the hull lies on, infinite at edges between faces.
+def faces_of(hull: "Hull") -> tuple[Array, Array]:
+    """(T,) area and (T,) mean width of the smooth face that each triangle of the hull lies on; infinite at edges.
 
     A face's inside is what joins vertices all of whose neighbours have their direction; so the rows of vertices
-    along an edge, whose normals lie between those of its faces, are none.
+    along an edge, whose normals lie between those of its faces, are none. A strip is as wide as twice its area over
+    its perimeter.
     """
-    count = len(hull.vertices)
-    i, j = np.concatenate([hull.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]).T
+    count, triangles = len(hull.vertices), hull.triangles
+    i, j = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]).T
     alike = np.einsum("ec,ec->e", hull.normals[i], hull.normals[j]) > np.cos(np.radians(_SMOOTH_DEG))
     inside = np.ones(count, bool)
     inside[i[~alike]] = inside[j[~alike]] = False
@@ -54,16 +60,39 @@ def face_areas(hull: "Hull") -> Array:
     links = coo_matrix((np.ones(within.sum()), (i[within], j[within])), shape=(count, count))
     part = connected_components(links, directed=False)[1]
     part[~inside] = -1
-    of_triangle = part[hull.triangles].max(1)  # those around its inside belong to a face too
+    of_triangle = part[triangles].max(1)  # those around its inside belong to a face too
     areas = np.bincount(of_triangle + 1, _areas(hull))
+    border = _borders(triangles, of_triangle)
+    length = np.linalg.norm(hull.vertices[border[:, 0]] - hull.vertices[border[:, 1]], axis=1)
+    around = np.bincount(border[:, 2] + 1, length, len(areas))
     areas[0] = np.inf
-    return areas[of_triangle + 1]
+    widths = 2 * areas / np.maximum(around, np.finfo(float).tiny)
+    return areas[of_triangle + 1], widths[of_triangle + 1]
+
+
+def _borders(triangles: NDArray[np.int64], part: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(E, 3) edges between triangles of different parts (T,): both ends and one of the parts, once for each of them."""
+    sides = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    owner = np.tile(part, 3)
+    ends = np.sort(sides, axis=1)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ends, owner = ends[order], owner[order]
+    same = (ends[1:] == ends[:-1]).all(axis=1) & (owner[1:] == owner[:-1])
+    inner = np.zeros(len(ends), bool)
+    inner[1:] |= same
+    inner[:-1] |= same
+    return np.column_stack([ends[~inner], owner[~inner]])
 
 
 def _areas(hull: "Hull") -> Array:
     """(T,) of the triangles."""
     a, b, c = (hull.vertices[hull.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def _distance(hull: "Hull", count: int) -> float:
+    """Distance of so many points that are spread evenly."""
+    return float(np.sqrt(_PACKING * _areas(hull).sum() / count * 4 / np.pi))
 
 
 def _thrown(hull: "Hull", count: int, share: Array, seed: int) -> tuple[Array, Array, Array]:
@@ -82,7 +111,7 @@ def _thrown(hull: "Hull", count: int, share: Array, seed: int) -> tuple[Array, A
     points = np.einsum("mk,mkc->mc", weights, hull.vertices[hull.triangles[chosen]])
     normals = np.einsum("mk,mkc->mc", weights, hull.normals[hull.triangles[chosen]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    radius = float(np.sqrt(_PACKING * areas.sum() / count * 4 / np.pi))
+    radius = _distance(hull, count)
     pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     radii = radius * share[chosen]
     if (share < 1).any():
