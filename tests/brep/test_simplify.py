@@ -7,12 +7,11 @@ import pytest
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep import occ
 from brepgaussian.brep.assemble import attempt
-from brepgaussian.brep.budget import Budget
+from brepgaussian.brep.buildings import Built, buildings
 from brepgaussian.brep.gate import examine
 from brepgaussian.brep.job import Rung
 from brepgaussian.brep.ladder import make_job
 from brepgaussian.brep.patches import Patch, make_patches, touch
-from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.simplify import Change, applied, between_fillets, compatible, complexity, proposals
 from brepgaussian.brep.trials import Trials
 from brepgaussian.geometry.cameras import Cameras
@@ -268,15 +267,15 @@ def test_simpler_kinds_are_tried_together():
 
 def test_faces_beside_one_that_is_left_out_are_extended_where_no_solid_closes(block):
     job = make_job(_no_views(), block.points, block.primitives, BrepSettings())
-    solid = attempt(job, Rung("support", 0.04))
-    trials = Trials(None, None, job, Rung("support", 0.04), Polished(solid, {}), Budget(9, 9))
     top = Change("without the top", (5,), ())
     beside = {p.primitive for k, p in enumerate(job.patches) if touch(p, job.patches[5]) and k != 5}
     changed = applied(job, [top])
-    buildings = list(trials._buildings(changed, [top], [], []))
-    assert [rung.name for _, rung in buildings] == ["support", "open_extended"]
-    opened, rung = buildings[-1]
+    plain = Rung("support", 0.04)
+    found = list(buildings(job, changed, plain, [top], SIGMA, Built()))
+    assert [rung.name for _, rung in found] == ["support", "open_extended"]
+    opened, rung = found[-1]
     assert {opened.patches[k].primitive for k in rung.extend} == beside
     assert opened.open_patches == rung.extend
-    assert len(list(trials._buildings(changed, [top], [], [True]))) == 1
-    assert len(list(trials._buildings(job, [Change("a plane", (5,), (job.patches[5],))], [], []))) == 1
+    assert len(list(buildings(job, changed, plain, [top], SIGMA, Built(closed=[True])))) == 1
+    same = Change("a plane", (5,), (job.patches[5],))
+    assert len(list(buildings(job, job, plain, [same], SIGMA, Built()))) == 1

@@ -1,6 +1,7 @@
 """Sections of all kinds drawn in cells, concavities along them, and what views show of their rims."""
 
 import numpy as np
+from brepgaussian.splatting.concave.curved_slots import Bent
 from brepgaussian.splatting.concave.openings import Stack
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.sections import Flatted, Keyed, Polygon, Rounded, Section
@@ -17,6 +18,7 @@ SECTIONS = {
     "hexagon": Section(CENTER, 0.2, Polygon(6, 16.2)),
     "octagon": Section(CENTER, 0.1, Polygon(8, 22.3)),
     "keyed": Section(CENTER, 2.2, Keyed(18.4, 5.6, 25.3)),
+    "bent slot": Section(CENTER, 2.6, Bent(34.0, 6.3, 0.85)),
     "flatted": Section(CENTER, -0.7, Flatted(17.8, 11.2)),
 }
 GRID = np.stack(np.indices(SHAPE), axis=-1).astype(float)

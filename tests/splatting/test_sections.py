@@ -17,6 +17,7 @@ PIECES = [
     ("octagon", 8),
     ("keyed", 4),
     ("flatted", 2),
+    ("bent slot", 4),
 ]
 
 
@@ -93,7 +94,7 @@ def test_pieces_are_the_faces_of_a_wall(name, count):
     away = ~section.near_corners(places, 0.6)  # a border is traced in steps of half a cell
     assert np.abs(section.signed_distance(places[away])).max() < 0.05
     assert len(np.unique(pieces)) == count
-    curved = {"circle": 180.0, "slot": 180.0, "pocket": 91.0, "keyed": 180.0, "flatted": 180.0}
+    curved = {"circle": 180.0, "slot": 180.0, "bent slot": 180.0, "pocket": 91.0, "keyed": 180.0, "flatted": 180.0}
     for piece in np.unique(pieces):
         own = normals[(pieces == piece) & away]
         assert np.degrees(np.arccos(np.clip(own @ own.T, -1, 1))).max() <= curved.get(name, 1.0)

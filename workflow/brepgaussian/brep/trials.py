@@ -10,7 +10,7 @@ import numpy as np
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.budget import Budget
-from brepgaussian.brep.explanations import rolled
+from brepgaussian.brep.buildings import Built, buildings
 from brepgaussian.brep.facets import facets_as_fillets, lone_facets
 from brepgaussian.brep.features import apart, chamfers
 from brepgaussian.brep.job import Attempt, Job, Rung
@@ -30,7 +30,7 @@ from brepgaussian.brep.judgement import (
     size,
 )
 from brepgaussian.brep.mistaken import mistaken
-from brepgaussian.brep.patches import Patch, neighbours
+from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.polish import Polished, badness, polish, with_patches_on
 from brepgaussian.brep.profiles import flattened, grooved, straightened, unbent
 from brepgaussian.brep.regroup import regrouped
@@ -308,12 +308,11 @@ class Trials:
     ) -> tuple[str, tuple[Job, Rung, Polished] | None]:
         """Why changes are refused, or what they lead to."""
         plain, before = applied(self.job, changes), self.best.attempt.verdict
-        fault, known, built = "", set[Shape](), list[bool]()
+        fault, known = "", set[Shape]()
         smooth = {i for change in changes if change.smooth for i in change.gone}
         old = _without_edges(self.best, {i for change in changes if change.faint for i in change.gone})
-        fillets = {patch.primitive for change in changes if change.smooth for patch in change.new}
-        solids: list[bool] = []
-        for job, rung in self._buildings(plain, changes, built, solids):
+        built = Built({patch.primitive for change in changes if change.smooth for patch in change.new})
+        for job, rung in buildings(self.job, plain, self.rung, changes, self._noise(), built):
             self.left.solids -= 1
             try:
                 attempt: Attempt = self.worker.call("assemble:attempt", (job, rung), job.settings.time_limit_s)
@@ -324,8 +323,7 @@ class Trials:
             if attempt.shape is not None and shape in known:
                 continue  # one and the same solid again
             fault = "; ".join(verdict.faults)
-            solids.append(attempt.shape is not None)
-            built.append(solids[-1] and fillets <= _primitives_of(attempt))
+            built.add(attempt)
             if attempt.shape is None:
                 continue
             if simpler and size(attempt) >= size(self.best.attempt):
@@ -354,35 +352,10 @@ class Trials:
                     return "", (job, rung, polished)
         return fault, None
 
-    def _buildings(
-        self, job: Job, changes: Sequence[Change], built: Sequence[bool], solids: Sequence[bool]
-    ) -> Iterator[tuple[Job, Rung]]:
-        """What a changed job is built on; with fillets rolled where none was `built` with them: they only touch.
-
-        Where none of the `solids` closed, with the faces beside what was left out extended into its place.
-        """
-        rungs = _rungs(self.rung, job)
-        yield from ((job, rung) for rung in rungs)
-        if any(change.smooth for change in changes) and not any(built):
-            yield from ((other, rungs[0]) for other in rolled(job, self._noise()))
-        left_out = [i for change in changes if not change.new for i in change.gone]
-        if left_out and not any(solids):
-            beside = {self.job.patches[k].primitive for i in left_out for k in neighbours(i, self.job.patches)}
-            around = {k for k, patch in enumerate(job.patches) if patch.primitive in beside}
-            opened = tuple(sorted({*job.open_patches, *around}))
-            yield replace(job, open_patches=opened), replace(rungs[0], name="open_extended", extend=opened)
-
 
 def _without_edges(known: Polished, surfaces: Collection[int]) -> Polished:
     """A solid of which the images show no edges of some surfaces."""
     return replace(known, shown=tuple(e for e in known.shown if not set(e.surfaces) & set(surfaces)))
-
-
-def _primitives_of(attempt: Attempt) -> set[int]:
-    """Of the patches that have faces in a solid."""
-    structure = attempt.verdict.structure
-    faces = () if structure is None else structure.faces
-    return {attempt.primitives[face.surface] for face in faces if face.surface >= 0}
 
 
 def _off(verdict: Verdict, before: Verdict, settings: BrepSettings) -> bool:
@@ -394,12 +367,3 @@ def _off(verdict: Verdict, before: Verdict, settings: BrepSettings) -> bool:
 
 def _explains_less(verdict: Verdict, before: Verdict, slack: float) -> bool:
     return verdict.on_solid < before.on_solid - slack or len(verdict.doubts) > len(before.doubts)
-
-
-def _rungs(rung: Rung, job: Job) -> list[Rung]:
-    """The plain rung, and the one that the solid was found on, for the patches that are left."""
-    plain = Rung("support", job.settings.margin)
-    if rung.name == plain.name:
-        return [plain]
-    extend = tuple(range(len(job.patches))) if rung.name == "extended" else job.open_patches
-    return [plain, replace(rung, extend=extend if rung.extend else ())]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.optimize import least_squares
 
+from brepgaussian.splatting.concave.curved_slots import Bent, bent_slot, start_of
 from brepgaussian.splatting.concave.sections import LEAST_STRAIGHT, Flatted, Keyed, Polygon, Rounded, Section
 
 Array = NDArray[np.float64]
@@ -51,7 +52,10 @@ def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
     lattice = np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in outline.shape), indexing="ij"), axis=-1)
     count = len(border) / _CORRELATED_CELLS
     best, score = None, np.inf
-    for build, start in _families(center, half, angle, outline):
+    bent = start_of(outline)
+    for build, start in [*_families(center, half, angle, outline), *([] if bent is None else [(bent_slot, bent)])]:
+        if build is bent_slot and best is not None:
+            break  # it has so many parameters that it is the last to be thought of
         first = nearest(border, build, start)
         again = None
         if first is not None and len(first.shape.corners()):  # once more without what the opening has rounded off
@@ -217,6 +221,8 @@ def _near(section: Section) -> Iterator[Family]:
     elif isinstance(shape, Polygon):
         yield (_hexagon if shape.sides == 6 else _octagon), [x, y, angle, shape.inner]
         yield circle, [x, y, (shape.inner + shape.reach) / 2]  # cells hardly tell them apart
+    elif isinstance(shape, Bent):
+        yield bent_slot, [x, y, angle, shape.bend, shape.width, shape.bend * shape.sweep]
     elif isinstance(shape, Flatted):
         yield _flatted, [x, y, angle, shape.radius, shape.flat]
     elif isinstance(shape, Keyed):
