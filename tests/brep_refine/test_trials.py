@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from brepgaussian.artifacts.points import Points
 from brepgaussian.artifacts.primitives import Primitive, Primitives
-from brepgaussian.brep import trials
+from brepgaussian.brep import buildings, trials
 from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.damage import damaged
 from brepgaussian.brep.job import Attempt, Rung
@@ -187,7 +187,7 @@ def test_fillets_are_rolled_where_no_solid_has_them(part, monkeypatch, on, expec
 
     job = make_job(*part, SETTINGS)
     job = replace(job, patches=job.patches[:3])
-    monkeypatch.setattr(trials, "rolled", lambda job, noise: iter([replace(job, clear=True)]))  # told apart by that
+    monkeypatch.setattr(buildings, "rolled", lambda job, noise: iter([replace(job, clear=True)]))  # told apart by that
     best = Polished(Attempt("support", b"solid", Verdict((), iou=0.99)), {"accepted": True})
     one = trials.Trials(Leaving(), None, job, Rung("support", 0.04), best, Budget(9, 9))
     assert not one._tried([Change("a fillet", (2,), (job.patches[2],), smooth=True)], simpler=False)
