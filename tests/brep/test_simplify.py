@@ -276,6 +276,6 @@ def test_faces_beside_one_that_is_left_out_are_extended_where_no_solid_closes(bl
     opened, rung = found[-1]
     assert {opened.patches[k].primitive for k in rung.extend} == beside
     assert opened.open_patches == rung.extend
-    assert len(list(buildings(job, changed, plain, [top], SIGMA, Built(closed=[True])))) == 1
+    assert len(list(buildings(job, changed, plain, [top], SIGMA, Built(closed=True)))) == 1
     same = Change("a plane", (5,), (job.patches[5],))
     assert len(list(buildings(job, job, plain, [same], SIGMA, Built()))) == 1

@@ -15,17 +15,18 @@ class Built:
 
     Attributes:
         fillets: primitives of new fillets.
-        closed: of each attempt, whether it gave a solid; whole: whether that has all of the fillets.
+        closed: whether one of them gave a solid; whole: one that has all of the fillets.
     """
 
     fillets: set[int] = field(default_factory=set)
-    closed: list[bool] = field(default_factory=list)
-    whole: list[bool] = field(default_factory=list)
+    closed: bool = False
+    whole: bool = False
 
     def add(self, attempt: Attempt) -> None:
         """Note one attempt."""
-        self.closed.append(attempt.shape is not None)
-        self.whole.append(self.closed[-1] and self.fillets <= _primitives_of(attempt))
+        if attempt.shape is not None:
+            self.closed = True
+            self.whole |= self.fillets <= _primitives_of(attempt)
 
 
 def buildings(
@@ -45,10 +46,10 @@ def buildings(
     """
     rungs = _rungs(rung, after)
     yield from ((after, one) for one in rungs)
-    if built.fillets and not any(built.whole):
+    if built.fillets and not built.whole:
         yield from ((other, rungs[0]) for other in rolled(after, noise))
     left_out = [i for change in changes if not change.new for i in change.gone]
-    if left_out and not any(built.closed):
+    if left_out and not built.closed:
         beside = {before.patches[k].primitive for i in left_out for k in neighbours(i, before.patches)}
         around = {k for k, patch in enumerate(after.patches) if patch.primitive in beside}
         opened = tuple(sorted({*after.open_patches, *around}))

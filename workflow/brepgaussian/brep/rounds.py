@@ -4,7 +4,7 @@ In a pocket's corner, or where a web meets a flange, no silhouette shows a fille
 round. Edges and masks agree with the sharp solid; the grey of the rounded surface follows the slant of the views.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from brepgaussian.brep.features import SPACING, WIDTHS, bad_edges, chamfer_of, p
 from brepgaussian.brep.patches import Patch
 from brepgaussian.brep.shown import edge_rows
 from brepgaussian.brep.simplify import Change
-from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Structure
+from brepgaussian.brep.structure import CONCAVE, CONVEX, SMOOTH, Edge, Face, Structure
 from brepgaussian.geometry.chains import resample
 from brepgaussian.geometry.rolling import rolling, touching
 from brepgaussian.geometry.surfaces import Surface
@@ -64,8 +64,7 @@ def fillets(
     told = {s: sum(len(near[k]) for k in s if k in near) for s in sets}
     order = sorted(sets, key=lambda s: (-told[s], s))[:_MOST_SETS]
     radii = sorted(WIDTHS, key=lambda radius: abs(np.log(radius / max(reach, SPACING))))
-    found = (_filleted([structure.edges[k] for k in s], surfaces, patches, radius) for s in order for radius in radii)
-    return [change for change in found if change is not None]
+    return _with_radii(structure, surfaces, patches, order, radii)
 
 
 def inner_fillets(
@@ -83,15 +82,32 @@ def inner_fillets(
     groups = [shifted] + (sorted(sets, key=lambda s: (-len(s), s))[:_MOST_SETS] if len(sets) > 1 else [])
     known = sorted({round(s.radius, _RADIUS_DIGITS) for s in _rolled(structure, surfaces)})
     radii = [*known[:_MOST_KNOWN], *(w for w in WIDTHS if all(abs(w - r) > _ALIKE_RADII * r for r in known))]
-    found = (_filleted([structure.edges[k] for k in s], surfaces, patches, r) for s in groups if s for r in radii)
+    return _with_radii(structure, surfaces, patches, groups, radii)
+
+
+def _with_radii(
+    structure: Structure,
+    surfaces: Sequence[Surface],
+    patches: Sequence[Patch],
+    sets: Iterable[Sequence[int]],
+    radii: Sequence[float],
+) -> list[Change]:
+    """Fillets of each radius on each of some sets of edges."""
+    found = (_filleted([structure.edges[k] for k in s], surfaces, patches, r) for s in sets if s for r in radii)
     return [change for change in found if change is not None]
 
 
 def _rolled(structure: Structure, surfaces: Sequence[Surface]) -> list[Surface]:
     """Cylinders of concave fillets."""
     smooth = {f for e in structure.edges if e.convexity == SMOOTH and e.kind == "line" for f in e.faces}
-    faces = [f for k, f in enumerate(structure.faces) if k in smooth and f.surface >= 0]
-    return [s for f in faces if (s := surfaces[f.surface]).kind == "cylinder" and s.flipped != f.flipped]
+    hollow = (_hollow(face, surfaces) for k, face in enumerate(structure.faces) if k in smooth)
+    return [s for s in hollow if s is not None]
+
+
+def _hollow(face: Face, surfaces: Sequence[Surface]) -> Surface | None:
+    """The cylinder on whose inside a face lies, if it does."""
+    surface = surfaces[face.surface] if face.surface >= 0 else None
+    return surface if surface is not None and surface.kind == "cylinder" and surface.flipped != face.flipped else None
 
 
 def _shifted(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[int]:
@@ -126,8 +142,8 @@ def completed(structure: Structure, surfaces: Sequence[Surface], patches: Sequen
     """
     sharp: dict[float, set[int]] = {}
     for index, face in enumerate(structure.faces):
-        rounded = surfaces[face.surface] if face.surface >= 0 else None
-        if rounded is None or rounded.kind != "cylinder" or rounded.flipped == face.flipped:
+        rounded = _hollow(face, surfaces)
+        if rounded is None:
             continue
         around = [e for e in structure.edges if index in e.faces]
         sides = [e for e in around if e.convexity == SMOOTH and e.kind == "line"]

@@ -23,7 +23,7 @@ _CLEARLY = 0.02  # of the score: two percent of the points, or .4 percent of the
 _SAME_ENOUGH = 3  # rungs after the first that gave its solid again
 _SMALL = 0.03  # of all points: the images decide whether patches of so few are faces
 _MOST_RIVALS = 2  # solids of another shape that are refined where the images refuse the first
-_MOST_BESIDE = 6  # explanations that are tried in vain beside a solid that the images accept
+_MOST_BESIDE = 6  # explanations that are looked at in vain beside a solid that the images accept
 _HANGS = 12  # solids that a hanging kernel costs: a few of them end the search
 _OTHERS_RUNGS = ("support", "open_extended", "wide")  # on which other explanations are tried
 
@@ -80,7 +80,7 @@ class Search:
         """
         winner, in_vain = self, 0
         for job in self.others:
-            in_vain += 1 if best is not None and best.report.get("accepted") else 0
+            in_vain += best is not None and bool(best.report.get("accepted"))
             if self.budget.spent or in_vain > _MOST_BESIDE:
                 break
             if best is not None and beyond_doubt(best, winner.job) and not winner._doubted(best):
@@ -254,11 +254,10 @@ class Search:
 
     def _rounded(self, best: Polished | None) -> Polished | None:
         """A refused solid with the fillets that it lacks: inner ones, and all where edges and silhouettes are right."""
-        for change in (Trials.rounded_inside, Trials.rounded):
-            if best is None or best.report.get("accepted") is not False:
-                break
-            if change is Trials.rounded_inside or outlined(best.report, self.job.settings):
-                best = self._changed(best, change)
+        if best is not None and best.report.get("accepted") is False:
+            best = self._changed(best, Trials.rounded_inside)
+            if best.report.get("accepted") is False and outlined(best.report, self.job.settings):
+                best = self._changed(best, Trials.rounded)
         return best
 
     def _changed(self, best: Polished, change: Callable[[Trials], Polished]) -> Polished:

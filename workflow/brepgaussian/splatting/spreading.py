@@ -36,8 +36,9 @@ def spread_closer(hull: "Hull", count: int, seed: int) -> tuple[Array, Array, Ar
     Where no face is small, just what `spread` gives.
     """
     areas, widths = faces_of(hull)
-    points = areas * (count / _areas(hull).sum())  # (T,) that its face would get
-    across = widths / _distance(hull, count)
+    whole = _areas(hull).sum()
+    points = areas * (count / whole)  # (T,) that its face would get
+    across = widths / _distance(whole, count)
     share = np.where(
         points < _SPECK, 1.0, np.clip(np.minimum(np.sqrt(points / _ENOUGH), across / _ACROSS), _CLOSEST, 1.0)
     )
@@ -52,7 +53,7 @@ def faces_of(hull: "Hull") -> tuple[Array, Array]:
     its perimeter.
     """
     count, triangles = len(hull.vertices), hull.triangles
-    i, j = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]).T
+    i, j = _sides(triangles).T
     alike = np.einsum("ec,ec->e", hull.normals[i], hull.normals[j]) > np.cos(np.radians(_SMOOTH_DEG))
     inside = np.ones(count, bool)
     inside[i[~alike]] = inside[j[~alike]] = False
@@ -72,9 +73,7 @@ def faces_of(hull: "Hull") -> tuple[Array, Array]:
 
 def _borders(triangles: NDArray[np.int64], part: NDArray[np.integer]) -> NDArray[np.int64]:
     """(E, 3) edges between triangles of different parts (T,): both ends and one of the parts, once for each of them."""
-    sides = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-    owner = np.tile(part, 3)
-    ends = np.sort(sides, axis=1)
+    ends, owner = np.sort(_sides(triangles), axis=1), np.tile(part, 3)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     ends, owner = ends[order], owner[order]
     same = (ends[1:] == ends[:-1]).all(axis=1) & (owner[1:] == owner[:-1])
@@ -84,15 +83,20 @@ def _borders(triangles: NDArray[np.int64], part: NDArray[np.integer]) -> NDArray
     return np.column_stack([ends[~inner], owner[~inner]])
 
 
+def _sides(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(3 T, 2) ends of the triangles' sides: all first ones, all second ones, all third ones."""
+    return np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+
+
 def _areas(hull: "Hull") -> Array:
     """(T,) of the triangles."""
     a, b, c = (hull.vertices[hull.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def _distance(hull: "Hull", count: int) -> float:
-    """Distance of so many points that are spread evenly."""
-    return float(np.sqrt(_PACKING * _areas(hull).sum() / count * 4 / np.pi))
+def _distance(area: float, count: int) -> float:
+    """Distance of so many points that are spread evenly over an area."""
+    return float(np.sqrt(_PACKING * area / count * 4 / np.pi))
 
 
 def _thrown(hull: "Hull", count: int, share: Array, seed: int) -> tuple[Array, Array, Array]:
@@ -111,7 +115,7 @@ def _thrown(hull: "Hull", count: int, share: Array, seed: int) -> tuple[Array, A
     points = np.einsum("mk,mkc->mc", weights, hull.vertices[hull.triangles[chosen]])
     normals = np.einsum("mk,mkc->mc", weights, hull.normals[hull.triangles[chosen]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    radius = _distance(hull, count)
+    radius = _distance(areas.sum(), count)
     pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     radii = radius * share[chosen]
     if (share < 1).any():

@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 
 _MOST_SWEEP = np.radians(160.0)  # to either side of its middle: farther, the ends meet
 _LEAST_BEND = 1.5  # half widths: an arc of less is no slot
-_MOST_BEND = 5.0  # lengths: straighter ones are straight
+_LEAST_SPAN = 0.2  # radians from end to end: what bends less is straight
+_LEAST_RADIUS = 1.0  # cells, of a bend that a fit tries
 _FEW = 0.02  # of the cells lie farther in or out than an edge's blur
 
 
@@ -66,7 +67,7 @@ def bent_slot(p: Sequence[float]) -> Section:
 
     p[5] is half the length of its middle line; all lengths in cells.
     """
-    bend = max(p[3], 1.0)
+    bend = max(p[3], _LEAST_RADIUS)
     return Section((p[0], p[1]), p[2], Bent(bend, p[4], float(np.clip(p[5] / bend, 0.0, _MOST_SWEEP))))
 
 
@@ -76,7 +77,7 @@ def start_of(outline: NDArray[np.bool_]) -> list[float] | None:
     circle = circle_through(cells) if len(cells) else None
     if circle is None:
         return None
-    middle, bend = circle
+    middle = circle[0]
     away = cells - middle
     way = float(np.arctan2(*away.mean(axis=0)[::-1]))
     turned = np.arctan2(away[:, 1], away[:, 0]) - way
@@ -84,7 +85,7 @@ def start_of(outline: NDArray[np.bool_]) -> list[float] | None:
     low, high = np.quantile(np.linalg.norm(away, axis=1), [_FEW, 1 - _FEW])
     width, bend, span = float(high - low) / 2, float(high + low) / 2, float(np.ptp(turned))
     sweep = span / 2 - width / bend
-    if not 0 < sweep < _MOST_SWEEP or not _LEAST_BEND * width < bend < _MOST_BEND * bend * span:
+    if not 0 < sweep < _MOST_SWEEP or span <= _LEAST_SPAN or bend <= _LEAST_BEND * width:
         return None
     way += float(turned.max() + turned.min()) / 2
     start = middle + bend * np.array([np.cos(way), np.sin(way)])

@@ -49,13 +49,20 @@ def fitted(outline: Cells, opened: Callable[[Cells], Cells]) -> Section | None:
     center, half, angle = _box(border)
     if half.min() < _LEAST_RADIUS:
         return None
+    families = _families(center, half, angle, outline)
+    found = _told_by_cells(outline, border, opened, families)
+    # a slot along an arc has so many parameters that it is the last to be thought of
+    return found or _told_by_cells(outline, border, opened, _bent(outline))
+
+
+def _told_by_cells(
+    outline: Cells, border: Array, opened: Callable[[Cells], Cells], families: Iterable[Family]
+) -> Section | None:
+    """The simplest section of some families that goes through the cells of an outline and its border, or None."""
     lattice = np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in outline.shape), indexing="ij"), axis=-1)
     count = len(border) / _CORRELATED_CELLS
     best, score = None, np.inf
-    bent = start_of(outline)
-    for build, start in [*_families(center, half, angle, outline), *([] if bent is None else [(bent_slot, bent)])]:
-        if build is bent_slot and best is not None:
-            break  # it has so many parameters that it is the last to be thought of
+    for build, start in families:
         first = nearest(border, build, start)
         again = None
         if first is not None and len(first.shape.corners()):  # once more without what the opening has rounded off
@@ -198,6 +205,13 @@ def _families(center: Array, half: Array, angle: float, outline: Cells) -> Itera
     for build, sides in ((_hexagon, 6), (_octagon, 8)):
         yield from ((build, [x, y, angle + turn, 0.475 * (a + b)]) for turn in (0.0, np.pi / sides))
     yield from _notched(outline)
+
+
+def _bent(outline: Cells) -> Iterator[Family]:
+    """A slot along an arc, if an outline may be one."""
+    start = start_of(outline)
+    if start is not None:
+        yield bent_slot, start
 
 
 def _rectangles(x: float, y: float, angle: float, a: float, b: float) -> Iterator[Family]:

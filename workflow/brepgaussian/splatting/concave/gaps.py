@@ -12,7 +12,7 @@ from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
 from brepgaussian.splatting.concave.columns import FINER, PARALLEL, Columns
-from brepgaussian.splatting.concave.prism import Prism, over
+from brepgaussian.splatting.concave.prism import Lattice, Prism, over
 from brepgaussian.splatting.concave.sweep import Outlined
 from brepgaussian.splatting.concave.volume import Volume
 
@@ -33,7 +33,7 @@ def gaps(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[Pr
     """
     normal, top = face[0].normal, face[0].offset
     columns = Columns.of(hull, normal)
-    shown = _shown(columns, top, [f for f in faces if _on(f, face, hull.spacing)])
+    shown = _shown(columns, top, [f for f in faces if on_one_plane(f[0], face[0], hull.spacing)])
     if not shown.any():
         return
     whole = np.asarray(convex_hull_image(shown))
@@ -51,9 +51,9 @@ def gaps(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[Pr
             yield columns.prism(gap, float(solid.min()), top)
 
 
-def _on(face: Outlined, plane: Outlined, spacing: float) -> bool:
-    """Whether a face lies on another one's plane."""
-    return bool(face[0].normal @ plane[0].normal > PARALLEL and abs(face[0].offset - plane[0].offset) < spacing)
+def on_one_plane(first: Lattice, second: Lattice, spacing: float) -> bool:
+    """Whether the lattices of two faces lie on one plane and look the same way."""
+    return bool(first.normal @ second.normal > PARALLEL and abs(first.offset - second.offset) < spacing)
 
 
 def _shown(columns: Columns, top: float, faces: Sequence[Outlined]) -> Cells:

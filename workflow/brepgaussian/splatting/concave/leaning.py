@@ -11,7 +11,8 @@ from brepgaussian.splatting.concave.prism import signed_outline
 from brepgaussian.splatting.concave.shapes import FINEST, SHALLOWEST, Opening, Shape, best_depth
 
 _THROATS = np.linspace(0.05, 0.5, 10)  # of the opening's half width: by so much a countersunk hole is narrower
-_COUNTERSINKS = (1.0, 0.5)  # drafts tried first: seats are steeper than countersinks
+_SLANT = 1.0  # draft of a countersink of 90 degrees
+_COUNTERSINKS = (_SLANT, 0.5)  # drafts tried first: seats are steeper
 _COUNTERSINK_RATIO = 1.2  # of the drafts tried next: 45 degrees, then 40 and 50
 _FEW_DEPTHS = 10
 _TILTS = np.arange(-0.9, 0.91, 0.3)  # sideways per depth: up to 42 degrees
@@ -40,7 +41,7 @@ def countersunk(opening: Opening, straight: Shape) -> Shape:
     tried: list[Shape] = []
     for draft in _COUNTERSINKS:
         throats = [replace(shape, draft=draft, sink=float(k) * width) for shape in shapes for k in _THROATS]
-        if draft == 1.0:
+        if draft == _SLANT:
             throats += [replace(t, depth=t.depth - t.sink) for t in throats if t.through]
         tried.append(to_best_sink(opening, throats))
     return min(tried, key=opening.cost)

@@ -149,7 +149,7 @@ def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chord
     """The hull without it, and its surface; None if little goes, silhouettes lose rays, or views agree less."""
     margin = hull.margin(prism)
     left = hull.without(prism, margin)
-    gone = float(np.count_nonzero((hull.field > 0) & (left.field <= 0)))
+    gone = hull.lost_in(left)
     if gone < _LEAST_VOXELS:
         return None
     sure = _surely(prism)
@@ -162,7 +162,7 @@ def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chord
     good = lost <= MOST_LOST and missing <= MOST_LOST and (told.sum() < _LEAST_RAYS or new <= _GAIN * old)
     good = good and not _stands(prism, at[told], before[0][told], after[0][told])
     logger.info(
-        "notch of area %.4f, normal %s, %s, %.0f voxels: %.1f %% of the rays lost, views disagree by %.2f for %.2f, "
+        "notch of area %.4f, normal %s, %s, %d voxels: %.1f %% of the rays lost, views disagree by %.2f for %.2f, "
         "%d rays%s", prism.area, np.round(prism.lattice.normal, 2).tolist(), prism.section and prism.section.shape,
         gone, 100 * lost, new, old, told.sum(), "" if good else ": not believed",
     )  # fmt: skip

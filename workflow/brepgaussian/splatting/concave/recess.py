@@ -15,7 +15,7 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import better, disagreements, rays_near
 from brepgaussian.splatting.concave.columns import FINER, PARALLEL, Columns
 from brepgaussian.splatting.concave.contours import chords_in, lost_share
-from brepgaussian.splatting.concave.gaps import gaps
+from brepgaussian.splatting.concave.gaps import gaps, on_one_plane
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Prism, over
 from brepgaussian.splatting.concave.scene import Scene
@@ -61,27 +61,18 @@ def open_recesses(
         for deepest, _ in sorted(sections, key=lambda s: -s[1])[:most]:
             assert scene is not None
             found = _deepened(images, hull, scene, deepest)
-            if found is not None and _volume(hull, found) >= LEAST_VOLUME_VOXELS:
-                hull = hull.without(found, 0.0)
-                scene = hull.scene()
+            opened = hull if found is None else hull.without(found, 0.0)
+            if found is not None and hull.lost_in(opened) >= LEAST_VOLUME_VOXELS:
+                hull, scene = opened, opened.scene()
                 done.append(found)
     return hull, done
-
-
-def _volume(hull: Volume, recess: Prism) -> float:
-    """Voxels of a hull that are in a recess."""
-    return float(np.count_nonzero((hull.field > 0) & (hull.without(recess, 0.0).field <= 0)))
 
 
 def _planes(faces: Sequence[Outlined], spacing: float) -> list[Outlined]:
     """Faces without those on the plane of an earlier one: it shows the same sections."""
     found: list[Outlined] = []
     for lattice, outline in faces:
-        same = (
-            other.normal @ lattice.normal > PARALLEL and abs(other.offset - lattice.offset) < spacing
-            for other, _ in found
-        )
-        if not any(same):
+        if not any(on_one_plane(lattice, other, spacing) for other, _ in found):
             found.append((lattice, outline))
     return found
 
@@ -113,9 +104,9 @@ def _gaps(hull: Volume, face: Outlined, faces: Sequence[Outlined]) -> Iterator[t
     """What faces of one plane leave of it, as deep as nothing confirmed stands there; and voxels."""
     for gap in gaps(hull, face, faces):
         free = replace(gap, depth=_free_depth(gap, faces, hull.spacing))
-        volume = _volume(hull, free)
+        volume = hull.lost_in(hull.without(free, 0.0))
         if volume >= LEAST_VOLUME_VOXELS:
-            yield free, volume
+            yield free, float(volume)
 
 
 def _in_hole(section: Prism, through: Sequence[Prism]) -> bool:

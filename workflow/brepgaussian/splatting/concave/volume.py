@@ -55,6 +55,10 @@ class Volume:
         reach = max(_MARGIN_VOXELS * self.spacing, 2 * prism.lattice.pitch)
         return self.carved(ends_of(prism, margin), reach, lambda points: prism.signed_distance(points, margin))
 
+    def lost_in(self, left: "Volume") -> int:
+        """How many of its voxels another solid on the same grid has no more."""
+        return int(np.count_nonzero((self.field > 0) & (left.field <= 0)))
+
     def filled(self, prism: Prism, margin: float, full: "Volume") -> "Volume":
         """It with all that another one of the same grid has within a prism that is longer by `margin`."""
         part, points = self._box(ends_of(prism, margin), 0.0)

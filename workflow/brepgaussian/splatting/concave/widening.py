@@ -58,7 +58,7 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
         for cut in holes(hull, normal, planes):
             prism = cut.prisms[0]
             less = opened.without(prism, 0.0)
-            new = np.count_nonzero((opened.field > 0) & (less.field <= 0))
+            new = opened.lost_in(less)
             if new < LEAST_PART_VOXELS or lost_share(chords, prism.contains(samples, 0.0)) > MOST_LOST:
                 continue
             said = disagreements(images, scene, hull.without(prism, 0.0).scene(), _REACH_VOXELS * hull.spacing)

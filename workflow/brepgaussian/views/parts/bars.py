@@ -1,7 +1,5 @@
 """Bundled parts cut from bar, tube and plate: sections with fillets, slots like a T, brackets with ears or ribs."""
 
-from math import hypot
-
 from build123d import (
     Align,
     Axis,
@@ -21,7 +19,7 @@ from build123d import (
     fillet,
 )
 
-from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, profile
+from brepgaussian.views.parts.prismatic import BEYOND, BOTTOM, bends, profile
 from brepgaussian.views.parts.sizes import Sizes
 
 
@@ -126,8 +124,6 @@ def z_bracket(s: Sizes) -> Part:
         (0, 0), (foot, 0), (foot, high), (far, high), (far, up), (wall, up), (wall, low), (0, low), depth=wide
     )  # fmt: skip
     for radius, places in ((inner, ((foot, high), (wall, low))), (inner + thick, ((foot, 0), (wall, up)))):
-        edges = body.edges().filter_by(Axis.Y)
-        at = [e for e in edges if any(hypot(e.center().X - x, e.center().Z - z) < 1e-6 for x, z in places)]
-        body = fillet(at, radius)
+        body = fillet(bends(body, *places), radius)
     body -= Pos(foot * 0.4, 0, 0) * extrude(SlotOverall(s(20), s(8), rotation=90), 2 * thick, both=True)
     return body - Pos(foot * 1.5, 0, up) * Cylinder(s(5), 3 * thick)
