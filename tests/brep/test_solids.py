@@ -105,6 +105,23 @@ def bent_rod(rng, noise=0.0):
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_ball_ends_a_bend(seed):
+    """Half a ball in the place of one straight piece: its sheet ends where the tube does."""
+    rng = np.random.default_rng(seed)
+    (bend, pipe, _, end, _), _ = bent_rod(rng)
+    ring, rod, middle = bend.surface, bend.surface.minor, bend.surface.origin + bend.surface.radius * np.eye(3)[1]
+    out = rng.normal(size=(2000, 3))
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    out[:, 0] = -np.abs(out[:, 0])
+    ball = Patch(sphere(middle, rod), 4, middle + rod * out, out, bend.reach, bend.sigma)
+    found = arrangement_of([bend, pipe, end, ball])
+    _, volume = cell_volumes(found, None)
+    arm = np.ptp(pipe.xyz[:, 1])
+    expected = np.pi * rod**2 * (arm + ring.radius * np.pi / 2 + 2 / 3 * rod)
+    np.testing.assert_allclose(volume, [expected], rtol=0.03)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_whole_tube_goes_on_in_a_bend(seed):
     """The seam of the torus must not open the cell, wherever its points have their largest gap."""
     patches, volume = bent_rod(np.random.default_rng(seed), 0.001)

@@ -43,6 +43,10 @@ HOLDING = [
     ("tangent", cylinder(O, Z, 0.2), sphere(O + 0.1 * Z, 0.2)),
     ("tangent", cylinder(O, Z, 0.2), cylinder(O + 0.3 * X, Z, 0.1)),
     ("tangent", cylinder(O, Z, 0.2), cylinder(O + 0.1 * X, Z, 0.1)),
+    ("tangent", torus(O, Z, 0.3, 0.1), sphere(O + 0.3 * X, 0.1)),
+    ("tangent", sphere(O - 0.3 * X, 0.1), torus(O, Z, 0.3, 0.1)),
+    ("tangent", torus(O, Z, 0.3, 0.1), sphere(O + 0.4 * Z, 0.4)),
+    ("tangent", sphere(O + 0.4 * Z, 0.6), torus(O, Z, 0.3, 0.1)),
     ("bend", cylinder(O + 0.3 * X, [0, 1, 0], 0.1), torus(O, Z, 0.3, 0.1)),
     ("bend", torus(O, Z, 0.3, 0.1), cylinder(O + 0.2 * X - [0, 0.3, 0], -X, 0.1)),
 ]
@@ -191,6 +195,16 @@ def test_a_thin_wall_is_no_tangency():
     assert _back_to_back(cylinder(O + 0.2 * Z, X, 0.2), top)
     assert not _back_to_back(top, cylinder(O - 0.2 * Z, X, 0.2))
     assert not _back_to_back(top, cylinder(O + 0.2 * Z, X, 0.2, flipped=True))
+
+
+def test_balls_touch_tori_with_one_side_of_the_material():
+    ring, end = torus(O, Z, 0.3, 0.1), O + 0.3 * X
+    assert not _back_to_back(ring, sphere(end, 0.1))
+    assert _back_to_back(sphere(end, 0.1, flipped=True), ring)
+    hollow = torus(O, Z, 0.3, 0.1, flipped=True)  # a fillet between a ball and a plate
+    assert not _back_to_back(hollow, sphere(O + 0.4 * Z, 0.4))
+    assert _back_to_back(ring, sphere(O + 0.4 * Z, 0.4))
+    assert not _back_to_back(ring, sphere(O + 0.4 * Z, 0.6))
 
 
 @pytest.mark.parametrize(

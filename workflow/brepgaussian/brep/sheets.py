@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from brepgaussian.brep.chart import TURN, Chart, chart_of, largest_gap
 from brepgaussian.brep.outline import TANGENT_DISTANCE, TANGENT_SINE, clip, cut_at_tangents, octagon
 from brepgaussian.brep.patches import Patch
+from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 
@@ -92,11 +93,10 @@ def _sphere_axis(index: int, patches: Sequence[Patch]) -> Array:
     for other in patches:
         if other.surface.kind not in ("cylinder", "cone", "torus"):
             continue
-        offset = center - other.surface.origin
-        off_axis = np.linalg.norm(offset - (offset @ other.surface.axis) * other.surface.axis)
+        axis = _axis_through(center, other.surface)
         gap = np.linalg.norm(other.xyz - center, axis=1).min() - radius
-        if off_axis < TANGENT_DISTANCE and gap < best_distance:
-            best, best_distance = other.surface.axis, gap
+        if axis is not None and gap < best_distance:
+            best, best_distance = axis, gap
     if best is not None:
         return best
     mean = (patch.xyz - center).mean(axis=0)
@@ -105,6 +105,19 @@ def _sphere_axis(index: int, patches: Sequence[Patch]) -> Array:
     mean /= np.linalg.norm(mean)
     lowest = np.quantile((patch.xyz - center) @ mean, _FEW) / radius
     return mean if lowest < _DOME else chart_of(patch.surface, mean).x
+
+
+def _axis_through(center: Array, surface: Surface) -> Array | None:
+    """(3,) the axis about which a surface is round at a sphere's centre: its own, or that of a bent tube there."""
+    offset = center - surface.origin
+    height = float(offset @ surface.axis)
+    arm = offset - height * surface.axis
+    lever = float(np.linalg.norm(arm))
+    if lever < TANGENT_DISTANCE:
+        return surface.axis
+    if surface.kind == "torus" and np.hypot(height, lever - surface.radius) < TANGENT_DISTANCE:
+        return np.asarray(np.cross(surface.axis, arm / lever))
+    return None
 
 
 def _ends(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from brepgaussian.geometry.fit import PARAMETERS
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.primitives.patches import Noise
-from brepgaussian.primitives.relations import ANGLES_DEG, TANGENT_PAIRS, Link, axis_gap, direction_angle
+from brepgaussian.primitives.relations import ANGLES_DEG, TANGENT_PAIRS, Link, axis_gap, direction_angle, ends_tube
 from brepgaussian.primitives.solve import significance
 from brepgaussian.settings.primitives import PrimitivesSettings
 
@@ -265,7 +265,12 @@ def _may_touch(state: State, link: Link) -> bool:
 
 
 def _back_to_back(first: Surface, second: Surface) -> bool:
-    """Whether a plane and a cylinder or sphere would touch with opposite normals: a thin wall, not a smooth edge."""
+    """Whether surfaces would touch with opposite normals: a thin wall, not a smooth edge."""
+    if {first.kind, second.kind} == {"torus", "sphere"}:
+        ring, ball = (first, second) if first.kind == "torus" else (second, first)
+        apart = float(np.hypot((ball.origin - ring.origin) @ ring.axis, ring.radius))
+        beside = not ends_tube(ring, ball) and apart > max(ball.radius, ring.minor)
+        return (ring.flipped == ball.flipped) == beside
     flat, round_ = (first, second) if first.kind == "plane" else (second, first)
     if flat.kind != "plane" or round_.kind not in ("cylinder", "sphere"):
         return False

@@ -120,8 +120,8 @@ def _touching(height: float, radius: float) -> float:
 
 
 def _tangent(first: Surface, second: Surface) -> Array:
-    """Tangency of a plane with a cylinder, sphere or torus, of coaxial pieces, of parallel cylinders."""
-    if second.kind == "plane":
+    """Tangency of a plane with a cylinder, sphere or torus, of coaxial pieces, parallel cylinders, a ball's end."""
+    if second.kind == "plane" or (first.kind, second.kind) == ("sphere", "torus"):
         first, second = second, first
     if first.kind == "plane":
         height = float((second.origin - first.origin) @ first.axis)
@@ -130,6 +130,8 @@ def _tangent(first: Surface, second: Surface) -> Array:
         if second.kind == "sphere":
             return np.array([_touching(height, second.radius)])
         return np.append(_parallel(first, second), _touching(height, second.minor))
+    if (first.kind, second.kind) == ("torus", "sphere"):
+        return _ball(first, second)
     if second.kind == "cylinder":
         first, second = second, first
     if second.kind == "sphere":
@@ -140,6 +142,24 @@ def _tangent(first: Surface, second: Surface) -> Array:
     distance = axis_gap(first, second)
     outside, inside = distance - first.radius - second.radius, distance - abs(first.radius - second.radius)
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
+
+
+def _ball(ring: Surface, ball: Surface) -> Array:
+    """A ball that ends a bent rod, or one on the axis of a torus that touches it in a circle."""
+    offset = ball.origin - ring.origin
+    height, lever = float(offset @ ring.axis), float(np.linalg.norm(_on_axis(ring, ball)))
+    if ends_tube(ring, ball):
+        return np.array([height, lever - ring.radius, ball.radius - ring.minor])
+    span = float(np.hypot(height, ring.radius))  # from the ball's centre to the tube's centre line
+    outside, inside = span - ball.radius - ring.minor, span - abs(ball.radius - ring.minor)
+    return np.append(_on_axis(ring, ball), outside if abs(outside) < abs(inside) else inside)
+
+
+def ends_tube(ring: Surface, ball: Surface) -> bool:
+    """Whether a ball's centre lies within the tube of a torus: there it ends it, if anything."""
+    offset = ball.origin - ring.origin
+    height = float(offset @ ring.axis)
+    return float(np.hypot(height, np.linalg.norm(offset - height * ring.axis) - ring.radius)) < ring.minor
 
 
 def _bend(first: Surface, second: Surface) -> Array:
@@ -172,6 +192,7 @@ TANGENT_PAIRS = {
         ("plane", "torus"),
         ("cylinder", "torus"),
         ("cylinder", "sphere"),
+        ("torus", "sphere"),
         ("cylinder",),
     )
 }
