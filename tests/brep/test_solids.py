@@ -114,7 +114,9 @@ def test_a_ball_ends_a_bend(seed):
     out /= np.linalg.norm(out, axis=1)[:, None]
     out[:, 0] = -np.abs(out[:, 0])
     ball = Patch(sphere(middle, rod), 4, middle + rod * out, out, bend.reach, bend.sigma)
-    found = arrangement_of([bend, pipe, end, ball])
+    patches = [bend, pipe, end, ball]
+    assert np.abs(make_sheet(3, patches, 0.04).limits[2:]).min() < 1e-6  # the equator
+    found = arrangement_of(patches)
     _, volume = cell_volumes(found, None)
     arm = np.ptp(pipe.xyz[:, 1])
     expected = np.pi * rod**2 * (arm + ring.radius * np.pi / 2 + 2 / 3 * rod)
