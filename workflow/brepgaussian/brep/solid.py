@@ -15,6 +15,7 @@ from OCP.TopoDS import TopoDS
 
 from brepgaussian.brep import occ
 from brepgaussian.brep.cells import OUTSIDE, Arrangement, make_volume
+from brepgaussian.brep.tori import with_whole_tori
 from brepgaussian.errors import StageError
 
 _UNIFY_LINEAR = 1e-6  # facets of one sheet share its surface: only rounding is forgiven
@@ -47,7 +48,7 @@ def solid_from_facets(facets: Sequence[Any]) -> Any:
 
 def clean(solid: Any) -> Any:
     """Merge faces and edges of one surface or curve, drop internal edges, orient outwards."""
-    unify = ShapeUpgrade_UnifySameDomain(solid, True, True, False)
+    unify = ShapeUpgrade_UnifySameDomain(with_whole_tori(solid), True, True, False)
     unify.SetLinearTolerance(_UNIFY_LINEAR)
     unify.SetAngularTolerance(_UNIFY_ANGULAR)
     unify.AllowInternalEdges(False)
