@@ -9,16 +9,23 @@ from brepgaussian.settings.brep import BrepSettings
 
 
 @pytest.mark.parametrize(
-    ("px", "hints", "accepted"),
-    [(0.02, ("2.2% of the area has no points",), True), (0.12, (), True), (0.12, ("2.2% of the area",), False)],
+    ("px", "hints", "doubts", "accepted"),
+    [
+        (0.02, ("2.2% of the area has no points",), (), True),
+        (0.12, (), (), True),
+        (0.02, (), ("patch 3 is explained to 0%",), True),
+        (0.12, ("2.2% of the area",), (), False),
+        (0.02, ("2.2% of the area",), ("patch 3 is explained to 0%",), False),
+    ],
 )
-def test_an_edge_that_few_samples_excuse_refuses_a_solid_that_points_do_not_cover(monkeypatch, px, hints, accepted):
+def test_what_images_may_excuse_refuses_a_solid_that_points_do_not_cover(monkeypatch, px, hints, doubts, accepted):
+    """An edge that few samples tell of, and a patch that is left out."""
     monkeypatch.setattr(polish, "shown_edges", lambda *_: ())
     test = SimpleNamespace(
         silhouette_px=px, mask_iou=0.9998, mask_pixels=40000, astray=0.0, disputed=9.0, displaced=None, stepped=0.0,
         accepted=True, edges=[],
     )  # fmt: skip
-    attempt = SimpleNamespace(verdict=Verdict((), hints=hints))
+    attempt = SimpleNamespace(verdict=Verdict((), doubts=doubts, hints=hints))
     job = SimpleNamespace(settings=BrepSettings(), blends=())
     found = polish._polished(attempt, {}, None, test, job, 0.001)
     assert found.report["accepted"] is accepted

@@ -47,6 +47,8 @@ HOLDING = [
     ("tangent", sphere(O - 0.3 * X, 0.1), torus(O, Z, 0.3, 0.1)),
     ("tangent", torus(O, Z, 0.3, 0.1), sphere(O + 0.4 * Z, 0.4)),
     ("tangent", sphere(O + 0.4 * Z, 0.6), torus(O, Z, 0.3, 0.1)),
+    ("tangent", cone(O, Z, 0.2, 0.3), sphere(O, 0.2 * np.cos(0.3))),
+    ("tangent", sphere(O + 0.1 * Z, (0.2 + 0.1 * np.tan(0.3)) * np.cos(0.3)), cone(O, Z, 0.2, 0.3)),
     ("bend", cylinder(O + 0.3 * X, [0, 1, 0], 0.1), torus(O, Z, 0.3, 0.1)),
     ("bend", torus(O, Z, 0.3, 0.1), cylinder(O + 0.2 * X - [0, 0.3, 0], -X, 0.1)),
 ]
@@ -197,7 +199,7 @@ def test_a_thin_wall_is_no_tangency():
     assert not _back_to_back(top, cylinder(O + 0.2 * Z, X, 0.2, flipped=True))
 
 
-def test_balls_touch_tori_with_one_side_of_the_material():
+def test_balls_touch_tori_and_cones_with_one_side_of_the_material():
     ring, end = torus(O, Z, 0.3, 0.1), O + 0.3 * X
     assert not _back_to_back(ring, sphere(end, 0.1))
     assert _back_to_back(sphere(end, 0.1, flipped=True), ring)
@@ -205,6 +207,8 @@ def test_balls_touch_tori_with_one_side_of_the_material():
     assert not _back_to_back(hollow, sphere(O + 0.4 * Z, 0.4))
     assert _back_to_back(ring, sphere(O + 0.4 * Z, 0.4))
     assert not _back_to_back(ring, sphere(O + 0.4 * Z, 0.6))
+    assert not _back_to_back(cone(O, Z, 0.2, 0.3), sphere(O, 0.2))
+    assert _back_to_back(cone(O, Z, 0.2, 0.3), sphere(O, 0.2, flipped=True))
 
 
 @pytest.mark.parametrize(

@@ -117,8 +117,10 @@ def _polished(
     places = np.zeros((0, 4)) if test.displaced is None else np.asarray(test.displaced.places)
     shown = shown_edges(structure, test.edges, footprint, {b.patch for b in job.blends})
     figures = _figures(test)
-    if attempt.verdict.hints and test.silhouette_px > job.settings.accept_silhouette_px:
-        figures["accepted"] = False  # few samples alone may excuse such an edge, but not where points are missing, too
+    off = test.silhouette_px > job.settings.accept_silhouette_px
+    if attempt.verdict.hints and (off or attempt.verdict.doubts):
+        # few samples alone may excuse such an edge, and images a patch left out; but not where points are missing, too
+        figures["accepted"] = False
     return Polished(attempt, figures | notes, shown, places)
 
 

@@ -271,6 +271,8 @@ def _back_to_back(first: Surface, second: Surface) -> bool:
         apart = float(np.hypot((ball.origin - ring.origin) @ ring.axis, ring.radius))
         beside = not ends_tube(ring, ball) and apart > max(ball.radius, ring.minor)
         return (ring.flipped == ball.flipped) == beside
+    if {first.kind, second.kind} == {"cone", "sphere"}:
+        return first.flipped != second.flipped
     flat, round_ = (first, second) if first.kind == "plane" else (second, first)
     if flat.kind != "plane" or round_.kind not in ("cylinder", "sphere"):
         return False

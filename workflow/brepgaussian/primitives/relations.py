@@ -134,6 +134,8 @@ def _tangent(first: Surface, second: Surface) -> Array:
         return _ball(first, second)
     if second.kind == "cylinder":
         first, second = second, first
+    if {first.kind, second.kind} == {"cone", "sphere"}:
+        return _in_cone(first, second) if first.kind == "cone" else _in_cone(second, first)
     if second.kind == "sphere":
         return np.append(_on_axis(first, second), first.radius - second.radius)
     if second.kind == "torus":
@@ -142,6 +144,13 @@ def _tangent(first: Surface, second: Surface) -> Array:
     distance = axis_gap(first, second)
     outside, inside = distance - first.radius - second.radius, distance - abs(first.radius - second.radius)
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
+
+
+def _in_cone(cone: Surface, ball: Surface) -> Array:
+    """A ball on a cone's axis that touches it in a circle: the round end of a taper."""
+    height = float((ball.origin - cone.origin) @ cone.axis)
+    across = (cone.radius + height * np.tan(cone.angle)) * np.cos(cone.angle)  # from the ball's centre to the cone
+    return np.append(_on_axis(cone, ball), across - ball.radius)
 
 
 def _ball(ring: Surface, ball: Surface) -> Array:
@@ -193,6 +202,7 @@ TANGENT_PAIRS = {
         ("cylinder", "torus"),
         ("cylinder", "sphere"),
         ("torus", "sphere"),
+        ("cone", "sphere"),
         ("cylinder",),
     )
 }

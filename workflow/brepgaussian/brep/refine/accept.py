@@ -1,10 +1,10 @@
 """The truth-free acceptance test: do all edges and silhouettes of a solid agree with the images?
 
 Every edge's and every apparent contour's median |silhouette residual| is below a tenth of a pixel (a little more where
-few samples tell it), the masks' IoU is above .998, and next to no pixel is wrong that lies clear of the masks'
-borders. Global residuals do not show a failure: the worst edge does, and where an edge is missing altogether, the hole
-that it would bound. What lies between the edges shows in places that views disagree about, or whose greys follow the
-slant of the views, and an edge that the solid has not in steps of grey where it has none.
+few samples tell it), that of no stretch of one above three, the masks' IoU is above .998, and next to no pixel is wrong
+that lies clear of the masks' borders. Global residuals do not show a failure: the worst edge does, and where an edge is
+missing altogether, the hole that it would bound. What lies between the edges shows in places that views disagree about,
+or whose greys follow the slant of the views, and an edge that the solid has not in steps of grey where it has none.
 """
 
 from collections.abc import Sequence
@@ -41,6 +41,9 @@ PX_NOISE = 0.01  # of the worst edge's silhouette residual: less than that is no
 IOU_NOISE = 5e-5  # the same of the masks' IoU
 WINDOW_PX = 6.0  # search; an edge that is not found within it counts as this far off
 _LEAST_SEEN = 8  # silhouette samples below which an edge is not judged
+_STRETCH = 0.02  # unit frame: length of an edge that is judged on its own
+_STRETCH_SEEN = 12  # silhouette samples below which it is not
+_STRETCH_LIMITS = 3.0  # times an edge's limit: right solids had .05 px at most, a cone over two planes .6 at their edge
 _FEW = 2.0  # over the root of their number: share of the limit by which the median of so few samples is uncertain
 
 
@@ -134,11 +137,14 @@ def judge(
         silhouette = residual[mine & outline]
         inner = residual[mine & ~outline & np.isfinite(residual)]
         median = float(np.median(silhouette)) if len(silhouette) >= _LEAST_SEEN else None
+        stretch = _worst_stretch(seen.rays.points[mine & outline], silhouette)
+        sure &= stretch < settings.accept_silhouette_px * _STRETCH_LIMITS
         table.append(
             {
                 "name": name,
                 "silhouettes": len(silhouette),
                 "silhouette_px": median,
+                "stretch_px": stretch,
                 "creases": int((mine & (seen.kind == CREASE)).sum()),
                 "interior": len(inner),
                 "interior_px": float(np.median(inner)) if len(inner) >= _LEAST_SEEN else None,
@@ -162,6 +168,18 @@ def judge(
     outlines = masks.iou > settings.accept_iou and masks.astray < settings.accept_astray
     good = bool(medians and sure and outlines)
     return Acceptance(worst, masks.iou, masks.astray, good, mask_pixels=masks.pixels, edges=table, faces=faces)
+
+
+def _worst_stretch(points: Array, residual: Array) -> float:
+    """Median residual (px) of the worst piece of an edge or contour, for samples at points (N, 3); 0 if none is seen.
+
+    The median over a whole edge does not show where a smooth face was put over two that meet in an edge.
+    """
+    if not len(points):
+        return 0.0
+    _, cell, count = np.unique(np.floor(points / _STRETCH), axis=0, return_inverse=True, return_counts=True)
+    medians = [np.median(residual[cell.ravel() == k]) for k in np.flatnonzero(count >= _STRETCH_SEEN)]
+    return float(max(medians, default=0.0))
 
 
 def judge_faces(

@@ -29,6 +29,7 @@ _MOUTH_VOXELS = (1.0, 3.5)  # below a face, between which a recess shows its sec
 _WALLS = 0.5  # of a section's border are walls, else it is what lies beside a boss or before a wall
 _LEAST_CELLS = 30  # of a section, in voxels
 _DEPTHS = 8  # that are tried, evenly, before those around the best
+_SHALLOWEST_VOXELS = 3.0  # deep, for a start
 _MOST_TRIED = 4  # sections of all faces, those with most in them first
 _MOST_GAPS = 2  # between faces of one plane that are tried
 _COVERED = 0.1  # of a section is cut away of faces that views have confirmed: they stand in it
@@ -144,10 +145,10 @@ def _deepened(images: Images, hull: Volume, scene: Scene, deepest: Prism) -> Pri
             known[depth] = float((after[0] - before[0])[before[1] & after[1]].sum())
         return known[depth]
 
-    step = deepest.depth / _DEPTHS
-    best = min((float(k * step) for k in range(_DEPTHS + 1)), key=cost)
+    best = min((0.0, *_depths(deepest.depth, hull.spacing)), key=cost)
     if not best:
         return None
+    step = min(deepest.depth / _DEPTHS, best)
     while step > hull.spacing / 2:
         step /= 2
         best = min((d for d in (best, best - step, best + step) if 0 < d <= deepest.depth), key=cost)
@@ -156,6 +157,13 @@ def _deepened(images: Images, hull: Volume, scene: Scene, deepest: Prism) -> Pri
     sure = rays.advantage(before, rays.costs(after))
     said = disagreements(images, scene, after, 2 * hull.spacing, near)
     return recess if _believed(images, scene, recess, said, sure) else None
+
+
+def _depths(deepest: float, spacing: float) -> list[float]:
+    """Depths to start from: evenly, and halves of the least: the slot in a long pin's end is shallow for the pin."""
+    step = deepest / _DEPTHS
+    halves = range(1, 1 + max(0, int(np.log2(step / (_SHALLOWEST_VOXELS * spacing)))))
+    return [*(step / 2**k for k in halves), *(k * step for k in range(1, _DEPTHS + 1))]
 
 
 def _believed(images: Images, scene: Scene, recess: Prism, said: tuple[float, float, int], sure: float) -> bool:
