@@ -202,6 +202,18 @@ def test_worker_survives_hangs_crashes_and_errors():
         assert worker.call("borders:clusters", (np.zeros((3, 3)), 1.0), 30.0)[0].tolist() == [0, 1, 2]
 
 
+def test_a_step_file_is_compared_by_its_triangles_where_exact_volumes_differ(tmp_path, monkeypatch):
+    """Integrals over faces whose edges end beside a wide vertex are off; their triangles are not."""
+    box = occ.to_bytes(BRepPrimAPI_MakeBox(0.5, 0.4, 0.3).Shape())
+    volumes = iter([1.0, 2.0, 1.0, 2.0])
+    monkeypatch.setattr(publish.occ, "volume", lambda shape: next(volumes))
+    publish.write_step(box, np.eye(4), "mm", "part", str(tmp_path / "good.step"))
+    meshed = iter([1.0, 1.001])
+    monkeypatch.setattr(publish, "_meshed_volume", lambda shape: next(meshed))
+    with pytest.raises(StageError, match="another volume"):
+        publish.write_step(box, np.eye(4), "mm", "part", str(tmp_path / "bad.step"))
+
+
 def test_a_solid_that_a_step_file_does_not_give_back_is_not_published(kit, worker, monkeypatch):
     known = kit.block_with_hole(sigma=0.001, count=6000, seed=3)
     views = kit.make_views(kit.box_corners(np.array([1.0, 0.8, 0.5])))

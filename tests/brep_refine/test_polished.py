@@ -2,8 +2,10 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from brepgaussian.brep import polish
+from brepgaussian.brep.refine.accept import _worst_stretch
 from brepgaussian.brep.verdict import Verdict
 from brepgaussian.settings.brep import BrepSettings
 
@@ -29,3 +31,15 @@ def test_what_images_may_excuse_refuses_a_solid_that_points_do_not_cover(monkeyp
     job = SimpleNamespace(settings=BrepSettings(), blends=())
     found = polish._polished(attempt, {}, None, test, job, 0.001)
     assert found.report["accepted"] is accepted
+
+
+def test_a_kink_shows_in_a_stretch_of_an_edge_and_not_in_its_median():
+    along = np.repeat(np.linspace(0, 1, 200), 30)  # a place every .005, seen by thirty views
+    points = np.column_stack([along, np.zeros((len(along), 2))])
+    residual = np.full(len(along), 0.02)
+    assert _worst_stretch(points, residual) == pytest.approx(0.02)
+    residual[np.abs(along - 0.5) < 0.03] = 0.6
+    assert np.median(residual) == pytest.approx(0.02)
+    assert _worst_stretch(points, residual) == pytest.approx(0.6)
+    assert _worst_stretch(points[::200], residual[::200]) == 0.0  # too few anywhere
+    assert _worst_stretch(points[:0], residual[:0]) == 0.0

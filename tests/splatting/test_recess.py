@@ -122,6 +122,17 @@ def test_a_groove_across_a_round_plate_is_carved_to_its_floor(tmp_path):
     assert (opened.scene().signed_distance(inside - shallow + deep) < 0).all()
 
 
+@pytest.mark.parametrize("deepest", [0.04, 0.3, 0.99])
+def test_depths_are_tried_down_to_a_few_voxels(deepest):
+    """A slot in the end of a long pin is shallow for the pin: a start lies within half of it and twice as deep."""
+    spacing = 0.006
+    depths = np.array(recess._depths(deepest, spacing))
+    assert (depths > 0).all()
+    assert depths.max() == pytest.approx(deepest)
+    for true in np.geomspace(min(6 * spacing, deepest), deepest, 50):
+        assert ((depths <= true * 1.001) & (depths > 0.49 * true)).any()
+
+
 @pytest.mark.parametrize(
     ("part", "length", "depth"),
     [("slot", 10.0, 12.0), ("solid", 0.0, 0.0)],
