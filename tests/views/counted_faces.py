@@ -113,6 +113,38 @@ DISCS: Counts = {
     "step_cone": (3, 6, 1, 0, 0),
     "spider": (10, 5, 0, 0, 0),
 }
+MOULDED: Counts = {
+    "stud_brick": (21, 10, 0, 0, 0),
+    "vane_disc": (27, 3, 0, 0, 0),
+    "cable_clip": (9, 5, 0, 0, 0),
+    "star_knob": (4, 12, 0, 0, 0),
+    "split_block": (13, 4, 0, 0, 0),
+    "drill_jig": (8, 6, 0, 0, 0),
+    "disc_key": (5, 1, 0, 0, 0),
+    "round_box": (16, 16, 0, 0, 4),
+    "dimple_cube": (10, 0, 0, 3, 0),
+    "step_pyramid": (21, 1, 0, 0, 0),
+    "hinge_knuckle": (15, 10, 0, 0, 0),
+    "louver_panel": (16, 2, 0, 0, 0),
+    "motor_plate": (9, 8, 0, 0, 0),
+    "tool_tray": (8, 3, 0, 6, 0),
+    "profile_end": (15, 5, 0, 0, 0),
+}
+RODS: Counts = {
+    "j_hook": (2, 2, 0, 1, 1),
+    "u_bolt": (2, 2, 2, 0, 1),
+    "chain_link": (0, 2, 0, 0, 2),
+    "tee_handle": (8, 2, 0, 2, 0),
+    "dumb_bell": (2, 1, 0, 2, 0),
+    "hand_wheel": (14, 2, 0, 0, 1),
+    "funnel": (3, 3, 2, 0, 0),
+    "spring_washer": (12, 5, 2, 0, 0),
+    "pipe_tee": (6, 7, 0, 0, 0),
+    "bent_rod": (5, 4, 0, 0, 1),
+    "wedge_pin": (5, 0, 1, 1, 0),
+    "ring_bolt": (4, 2, 0, 0, 1),
+    "cable_gland": (15, 7, 0, 0, 0),
+}
 
 BY_MODULE = {
     "bars": BARS,
@@ -121,7 +153,9 @@ BY_MODULE = {
     "fixture": FIXTURE,
     "hubs": HUBS,
     "links": LINKS,
+    "moulded": MOULDED,
     "mounts": MOUNTS,
+    "rods": RODS,
     "rounded": ROUNDED,
     "trays": TRAYS,
 }

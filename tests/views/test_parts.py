@@ -281,10 +281,22 @@ def test_bars_and_discs_have_the_volumes_of_the_formulas():
     assert build_part("spider").volume == pytest.approx(26**3 + pins - math.pi * 8**2 * 26, rel=1e-6)
 
 
+def test_rods_and_moulded_parts_have_the_volumes_of_the_formulas():
+    link = math.pi * 5.5**2 * (2 * math.pi * 14 + 2 * 30)
+    assert build_part("chain_link").volume == pytest.approx(link, rel=1e-6)
+    hook = math.pi * 5**2 * (math.pi * 18 + 34 + 2 / 3 * 5) + math.pi * 3.6**2 * 16
+    assert build_part("j_hook").volume == pytest.approx(hook, rel=1e-6)
+    tubes = 2 * math.pi * 16**2 * (0.4**2 - 0.28**2) * 15
+    brick = 48 * 32 * 19 - 42 * 26 * 15 + 6 * math.pi * 4.8**2 * 4
+    assert build_part("stud_brick").volume == pytest.approx(brick + tubes, rel=1e-6)
+    steps = 8 * 56**2 * sum((1 - 0.22 * k) ** 2 for k in range(4))
+    assert build_part("step_pyramid").volume == pytest.approx(steps - math.pi * 6**2 * 32, rel=1e-6)
+
+
 def test_groups():
     assert set(REQUIRED) <= set(PARTS)
     held_out = [name for name, info in PARTS.items() if info.group == HOLDOUT]
-    assert len(PARTS) == 163
+    assert len(PARTS) == 191
     assert len(held_out) * 3 >= len(PARTS)
 
 
