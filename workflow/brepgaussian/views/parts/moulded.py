@@ -28,7 +28,7 @@ def stud_brick(s: Sizes) -> Part:
     pitch, high, wall, stud, up, top = s(16), s(19), s(3, 0.1), s(4.8), s(4), s(4)
     body = Box(3 * pitch, 2 * pitch, high, align=BOTTOM)
     body -= Box(3 * pitch - 2 * wall, 2 * pitch - 2 * wall, high - top, align=BOTTOM)
-    for x in (-1, 0, 1):
+    for x in (-1.0, 0.0, 1.0):
         for y in (-0.5, 0.5):
             body += Pos(x * pitch, y * pitch, high) * Cylinder(stud, up, align=BOTTOM)
     for x in (-0.5, 0.5):
