@@ -144,8 +144,9 @@ def write_glb(data: bytes, world_from_unit: Array, name: str, path: str) -> None
 
 def _meshed_volume(shape: Any) -> float:
     """Volume of a solid's triangles: of faces whose edges end beside a vertex, by its width, integrals are off."""
+    import trimesh
+
     size = float(np.ptp(occ.bounds(shape), axis=0).max())
     occ.tessellate(shape, _FINE * size, _ANGLE)
-    vertices, triangles, _ = occ.mesh_of(shape)
-    corners = vertices[triangles]
-    return float(abs(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6))
+    nodes, triangles, _ = occ.mesh_of(shape)
+    return abs(float(trimesh.Trimesh(nodes, triangles, process=False).volume))

@@ -10,7 +10,6 @@ import networkx as nx
 import numpy as np
 from OCP.BOPTools import BOPTools_AlgoTools3D
 from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Splitter
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
@@ -21,6 +20,8 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from brepgaussian.brep import occ
 from brepgaussian.brep.cells import make_volume
 from brepgaussian.errors import StageError
+from brepgaussian.geometry.kernel import face_surface
+from brepgaussian.primitives.relations import RESIDUALS
 
 _SAME = 1e-6  # unit frame and radians: between pieces of one torus, only rounding is forgiven
 _FUZZY = 1e-5  # unit frame: edges of two cuts of one curve
@@ -43,21 +44,14 @@ def _split(solid: Any) -> list[list[Any]]:
     """Groups of faces of one torus that share edges."""
     faces = occ.faces(solid)
     index = occ.shape_map(faces)
-    torus = {k: BRepAdaptor_Surface(f).Torus() for k, f in enumerate(faces) if occ.surface_kind(f) == "torus"}
+    found = {k: face_surface(f) for k, f in enumerate(faces) if occ.surface_kind(f) == "torus"}
+    torus = {k: surface for k, surface in found.items() if surface is not None}
     graph = nx.Graph()
     for _, around in occ.ancestors(solid, TopAbs_EDGE, TopAbs_FACE):
         ends = sorted({index.FindIndex(face) - 1 for face in around} & torus.keys())
-        if len(ends) == 2 and _same(*(torus[k] for k in ends)):
+        if len(ends) == 2 and np.abs(RESIDUALS["same"](*(torus[k] for k in ends))).max() < _SAME:
             graph.add_edge(*ends)
     return [[faces[k] for k in sorted(group)] for group in nx.connected_components(graph)]
-
-
-def _same(first: Any, second: Any) -> bool:
-    """Whether two gp_Torus are one surface."""
-    radii = first.MajorRadius() - second.MajorRadius(), first.MinorRadius() - second.MinorRadius()
-    axes = first.Axis(), second.Axis()
-    apart = float(np.linalg.norm(occ.xyz(first.Location()) - occ.xyz(second.Location())))
-    return max(*map(abs, radii), apart) < _SAME and bool(axes[0].Direction().IsParallel(axes[1].Direction(), _SAME))
 
 
 def _merged(solid: Any, pieces: list[Any]) -> Any | None:

@@ -121,7 +121,7 @@ def _touching(height: float, radius: float) -> float:
 
 def _tangent(first: Surface, second: Surface) -> Array:
     """Tangency of a plane with a cylinder, sphere or torus, of coaxial pieces, parallel cylinders, a ball's end."""
-    if second.kind == "plane" or (first.kind, second.kind) == ("sphere", "torus"):
+    if second.kind == "plane" or first.kind == "sphere":
         first, second = second, first
     if first.kind == "plane":
         height = float((second.origin - first.origin) @ first.axis)
@@ -130,14 +130,10 @@ def _tangent(first: Surface, second: Surface) -> Array:
         if second.kind == "sphere":
             return np.array([_touching(height, second.radius)])
         return np.append(_parallel(first, second), _touching(height, second.minor))
-    if (first.kind, second.kind) == ("torus", "sphere"):
-        return _ball(first, second)
+    if second.kind == "sphere":
+        return _ball_of_ring(first, second) if first.kind == "torus" else _ball_of_taper(first, second)
     if second.kind == "cylinder":
         first, second = second, first
-    if {first.kind, second.kind} == {"cone", "sphere"}:
-        return _in_cone(first, second) if first.kind == "cone" else _in_cone(second, first)
-    if second.kind == "sphere":
-        return np.append(_on_axis(first, second), first.radius - second.radius)
     if second.kind == "torus":
         gap = _touching(second.radius - first.radius, second.minor)
         return np.append(_coaxial(first, second), gap)
@@ -146,14 +142,14 @@ def _tangent(first: Surface, second: Surface) -> Array:
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
 
 
-def _in_cone(cone: Surface, ball: Surface) -> Array:
-    """A ball on a cone's axis that touches it in a circle: the round end of a taper."""
+def _ball_of_taper(cone: Surface, ball: Surface) -> Array:
+    """A ball on a cone's axis that touches it in a circle: a taper's round end. A cylinder is a cone of angle 0."""
     height = float((ball.origin - cone.origin) @ cone.axis)
     across = (cone.radius + height * np.tan(cone.angle)) * np.cos(cone.angle)  # from the ball's centre to the cone
     return np.append(_on_axis(cone, ball), across - ball.radius)
 
 
-def _ball(ring: Surface, ball: Surface) -> Array:
+def _ball_of_ring(ring: Surface, ball: Surface) -> Array:
     """A ball that ends a bent rod, or one on the axis of a torus that touches it in a circle."""
     offset = ball.origin - ring.origin
     height, lever = float(offset @ ring.axis), float(np.linalg.norm(_on_axis(ring, ball)))
@@ -166,9 +162,7 @@ def _ball(ring: Surface, ball: Surface) -> Array:
 
 def ends_tube(ring: Surface, ball: Surface) -> bool:
     """Whether a ball's centre lies within the tube of a torus: there it ends it, if anything."""
-    offset = ball.origin - ring.origin
-    height = float(offset @ ring.axis)
-    return float(np.hypot(height, np.linalg.norm(offset - height * ring.axis) - ring.radius)) < ring.minor
+    return bool(ring.sign * ring.signed_distance(ball.origin[None])[0] < 0)
 
 
 def _bend(first: Surface, second: Surface) -> Array:

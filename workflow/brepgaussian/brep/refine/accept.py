@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.agreement import disagreement
@@ -178,8 +179,8 @@ def _worst_stretch(points: Array, residual: Array) -> float:
     if not len(points):
         return 0.0
     _, cell, count = np.unique(np.floor(points / _STRETCH), axis=0, return_inverse=True, return_counts=True)
-    medians = [np.median(residual[cell.ravel() == k]) for k in np.flatnonzero(count >= _STRETCH_SEEN)]
-    return float(max(medians, default=0.0))
+    medians = ndimage.median(residual, cell.ravel(), np.flatnonzero(count >= _STRETCH_SEEN))
+    return float(np.max(medians, initial=0.0))
 
 
 def judge_faces(

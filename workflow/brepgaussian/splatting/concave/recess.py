@@ -62,8 +62,10 @@ def open_recesses(
         for deepest, _ in sorted(sections, key=lambda s: -s[1])[:most]:
             assert scene is not None
             found = _deepened(images, hull, scene, deepest)
-            opened = hull if found is None else hull.without(found, 0.0)
-            if found is not None and hull.lost_in(opened) >= LEAST_VOLUME_VOXELS:
+            if found is None:
+                continue
+            opened = hull.without(found, 0.0)
+            if hull.lost_in(opened) >= LEAST_VOLUME_VOXELS:
                 hull, scene = opened, opened.scene()
                 done.append(found)
     return hull, done
