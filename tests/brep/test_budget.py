@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from brepgaussian.brep import budget
 from brepgaussian.brep.budget import budget_of
 from brepgaussian.settings.brep import BrepSettings
 
@@ -9,11 +10,11 @@ from brepgaussian.settings.brep import BrepSettings
 def test_trials_and_searches_share_the_work_of_an_object():
     search = budget_of(replace(BrepSettings(), most_work=3, most_refinements=2))
     trials = search.other(10, 10)
-    trials.refined()
-    search.refined()
+    trials.refined(9)
+    search.refined(9)
     assert (search.refinements, trials.refinements) == (1, 9)
     assert not search.spent
-    search.other(5, 1).refined()
+    search.other(5, 1).refined(9)
     assert search.spent
     assert trials.spent
     assert search.other(5, 5).spent
@@ -21,6 +22,21 @@ def test_trials_and_searches_share_the_work_of_an_object():
 
 def test_objects_share_nothing():
     first, second = (budget_of(replace(BrepSettings(), most_work=1)) for _ in range(2))
-    first.refined()
+    first.refined(9)
     assert first.spent
     assert not second.spent
+
+
+def test_large_solids_count_more():
+    work = budget.Work(10)
+    left = budget.Budget(10, 10, work)
+    left.built(25)
+    left.built(5)
+    assert left.solids == 8
+    left.built(50)
+    left.refined(75)
+    assert (left.solids, left.refinements, work.refinements) == (6, 7, 7)
+    left.built(25, 0)
+    assert left.solids == 6
+    left.built(200)
+    assert left.spent

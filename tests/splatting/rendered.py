@@ -5,7 +5,8 @@ from brepgaussian.artifacts.truth import Truth, read_truth
 from brepgaussian.artifacts.views import Views, read_views
 from brepgaussian.settings.views import ViewsSettings
 from brepgaussian.splatting.concave.scene import Scene
-from brepgaussian.splatting.hull import Hull, carve
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.hull import _UNITS, Hull, carve, hull_field, silhouette_distance
 from brepgaussian.views.stage import make_views
 from build123d import export_step
 
@@ -34,3 +35,9 @@ def wrong_of(hull: Hull, truth: Truth) -> tuple[float, float]:
     clear = np.abs(real) > 1.5 / 128
     inside = (real < 0).sum()
     return ((near < 0) & (real > 0) & clear).sum() / inside, ((near > 0) & (real < 0) & clear).sum() / inside
+
+
+def silhouette_volume(views: Views, resolution: int) -> Volume:
+    """What silhouettes leave, on a grid of `resolution`^3."""
+    silhouettes = np.stack([np.clip(silhouette_distance(alpha) * _UNITS, -32000, 32000) for alpha in views.alpha])
+    return Volume(*hull_field(silhouettes.astype(np.int16), views.cameras, resolution, 1))

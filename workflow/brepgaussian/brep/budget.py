@@ -4,16 +4,18 @@ from dataclasses import dataclass, field
 
 from brepgaussian.settings.brep import BrepSettings
 
+_USUAL = 25  # patches; a solid of twice as many takes twice as long to build and to refine, and counts twice
+
 
 @dataclass
 class Work:
     """What one object may still cost: all its searches and trials share it.
 
     Attributes:
-        refinements: of solids against the images, by far the dearest.
+        refinements: of solids against the images, by far the dearest; of larger ones fewer.
     """
 
-    refinements: int
+    refinements: float
 
 
 @dataclass
@@ -21,13 +23,13 @@ class Budget:
     """What one object's search, or one kind of trials, may still do.
 
     Attributes:
-        solids: that may still be built.
-        refinements: of solids against the images.
+        solids: of usual size that may still be built.
+        refinements: of such solids against the images.
         work: of the whole object.
     """
 
-    solids: int
-    refinements: int
+    solids: float
+    refinements: float
     work: Work = field(default_factory=lambda: Work(BrepSettings().most_work))
 
     @property
@@ -35,14 +37,22 @@ class Budget:
         """Whether nothing more is to be begun."""
         return self.solids <= 0 or self.refinements <= 0 or self.work.refinements <= 0
 
-    def refined(self) -> None:
-        """Count one refinement."""
-        self.refinements -= 1
-        self.work.refinements -= 1
+    def built(self, patches: int, times: int = 1) -> None:
+        """Count one solid of so many patches, or more."""
+        self.solids -= times * _weight(patches)
 
-    def other(self, solids: int, refinements: int) -> "Budget":
+    def refined(self, patches: int) -> None:
+        """Count one refinement of a solid of so many patches."""
+        self.refinements -= _weight(patches)
+        self.work.refinements -= _weight(patches)
+
+    def other(self, solids: float, refinements: float) -> "Budget":
         """For other work on the same object."""
         return Budget(solids, refinements, self.work)
+
+
+def _weight(patches: int) -> float:
+    return max(1.0, patches / _USUAL)
 
 
 def budget_of(settings: BrepSettings) -> Budget:

@@ -130,11 +130,11 @@ class Search:
                 continue
             if self.budget.spent or self._repeating() or (not to_the_end and self._settled()):
                 break
-            self.budget.solids -= 1
+            self.budget.built(len(self.job.patches))
             try:
                 result = self.worker.call("assemble:attempt", (self.job, rung), self.job.settings.time_limit_s)
             except (WorkerError, BrepGaussianError) as error:
-                self.budget.solids -= _HANGS * isinstance(error, WorkerTimeout)
+                self.budget.built(len(self.job.patches), _HANGS * isinstance(error, WorkerTimeout))
                 result = Attempt(rung.name, None, Verdict((str(error),)))
             self.tried.append(result)
             get_logger("brep").info("rung %s: %s", rung.name, _remarks(result) or "accepted")
@@ -231,7 +231,7 @@ class Search:
             lost = forlorn(attempt, self.rival)
         if lost:
             return Polished(attempt, {"refined": False, "refinement_fault": lost})
-        self.budget.refined()
+        self.budget.refined(len(self.job.patches))
         known = [*([] if self.rival is None else [self.rival]), *self.polished.values()]
         worst = min((beyond_hope(p, self.job.settings) for p in known), default=math.inf)
         return polish(self.worker, self.job, rung, attempt, views, worst)

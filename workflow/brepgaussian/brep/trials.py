@@ -313,7 +313,7 @@ class Trials:
         old = _without_edges(self.best, {i for change in changes if change.faint for i in change.gone})
         built = Built({patch.primitive for change in changes if change.smooth for patch in change.new})
         for job, rung in buildings(self.job, plain, self.rung, changes, self._noise(), built):
-            self.left.solids -= 1
+            self.left.built(len(job.patches))
             try:
                 attempt: Attempt = self.worker.call("assemble:attempt", (job, rung), job.settings.time_limit_s)
             except (WorkerError, BrepGaussianError) as error:
@@ -337,7 +337,7 @@ class Trials:
             elif simpler and (lost := forlorn(attempt, old, smooth)):
                 fault = lost
             else:
-                self.left.refined()
+                self.left.refined(len(job.patches))
                 worst = beyond_hope(self.best, job.settings)
                 polished = polish(self.worker, job, rung, attempt, self.views, worst)
                 known |= {shape} if polished.report.get("refined") else set()

@@ -62,7 +62,10 @@ class BrepSettings:
         minimum=1.0,
     )
     most_solids: int = setting(
-        48, "Solids built on rungs of the ladder after which no other rung or explanation is tried.", minimum=1
+        48,
+        "Solids of up to 25 patches built on rungs of the ladder after which no other rung or explanation is tried; "
+        "one of twice as many counts twice, here and in what follows.",
+        minimum=1,
     )
     most_refinements: int = setting(16, "The same for solids refined in the search.", minimum=1)
     most_work: int = setting(

@@ -15,12 +15,14 @@ from brepgaussian.splatting.concave import (
     Images,
     Plane,
     Prism,
+    open_alike,
     open_channels,
     open_concavities,
     open_corners,
     open_curved,
     open_feet,
     open_grooves,
+    open_levels,
     open_notches,
     open_onward,
     open_recesses,
@@ -137,9 +139,10 @@ def carve(
             volume, faces = flatten_faces(images, patches, volume, _sample)
         flat = volume
         if concavities:
+            volume = open_levels(images, volume, _planes(faces))
             volume, prisms = open_channels(images, volume, [(f.lattice, f.outline) for f in faces])
         if patches is not None:
-            volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms))
+            volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms) or volume is not flat)
             volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
         if concavities:
             planes = _planes(faces)
@@ -154,8 +157,10 @@ def carve(
             volume, wider = widen(images, volume, planes, more)
             prisms += notches + more + recesses + wider
             volume = refilled(images, uncut, cornered, volume, prisms)
+            volume = open_levels(images, volume, planes)
             volume, prisms = open_onward(images, volume, prisms)
             volume = open_grooves(images, volume, prisms)
+            volume = open_alike(images, volume, planes)
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)
             if volume is not before:

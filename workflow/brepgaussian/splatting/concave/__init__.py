@@ -6,12 +6,14 @@ depth: a ray that leaves the opening's outline sideways before it reaches the fl
 show the floor. See `docs/splatting.md`.
 """
 
+from brepgaussian.splatting.concave.alike import open_alike
 from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities, open_curved, open_onward
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.feet import open_feet
 from brepgaussian.splatting.concave.find import find_prisms
 from brepgaussian.splatting.concave.grooves import open_grooves
+from brepgaussian.splatting.concave.levels import open_levels
 from brepgaussian.splatting.concave.notches import open_notches
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane
@@ -26,12 +28,14 @@ __all__ = [
     "Plane",
     "Prism",
     "find_prisms",
+    "open_alike",
     "open_channels",
     "open_concavities",
     "open_corners",
     "open_curved",
     "open_feet",
     "open_grooves",
+    "open_levels",
     "open_notches",
     "open_onward",
     "open_recesses",

@@ -223,11 +223,13 @@ def openings(stack: Stack, least_area: float) -> list[NDArray[np.bool_]]:
     # what the views agree on within an opening may be its floor, or an island as high as the lid: both are tried
     holes, _ = ndimage.label(filled & ~region)
     island = np.bincount(holes.ravel())[holes] * stack.lattice.pitch**2 >= least_area
-    island = opened(island & (holes > 0))
+    thin = np.asarray(ndimage.binary_opening(island & (holes > 0)))  # the end of a tube
+    island = opened(thin)
     outlines: list[NDArray[np.bool_]] = []
-    for candidate in [filled] if not island.any() else [filled, filled & ~island]:
+    for left in [np.zeros_like(island), *(some for some in (island, thin) if some.any())]:
+        candidate = filled & ~left
         labels, count = ndimage.label(opened(candidate))
-        found = [_sharpen(labels == k, share, island & ~candidate) for k in range(1, count + 1)]
+        found = [_sharpen(labels == k, share, left) for k in range(1, count + 1)]
         outlines += [o for o in found if not any(np.array_equal(o, other) for other in outlines)]
     outlines += _surer(stack, outlines)
     return [o for o in outlines if o.sum() * stack.lattice.pitch**2 >= least_area]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,16 @@ class Volume:
     field: Field
     origin: Array
     spacing: float
+
+    @cached_property
+    def box(self) -> Array:
+        """(8, 3) corners of the box around it."""
+        inside = self.field > 0
+        spans = []
+        for axis in range(3):
+            used = np.flatnonzero(inside.any(axis=tuple(k for k in range(3) if k != axis)))
+            spans.append(self.origin[axis] + self.spacing * np.array([used[0] - 1, used[-1] + 1]))
+        return np.asarray(np.array(np.meshgrid(*spans)).reshape(3, -1).T)
 
     def mesh(self) -> tuple[Array, NDArray[np.int64]]:
         """Vertices (K, 3) and triangles (T, 3) of its surface, counter-clockwise seen from outside."""
