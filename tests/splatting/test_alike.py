@@ -53,10 +53,11 @@ def test_a_pocket_that_was_missed_is_opened_as_the_others_are_if_it_is_there(tmp
 def test_a_motion_settles_where_it_carries_the_surface_onto_itself():
     volume = block(PLACES[:3])
     off = np.array([0.511, 0.493, 0.5])
-    (mirror,) = alike._mirrors([np.array([1.0, 0.0, 0.0])], off)
+    (mirror,) = alike._mirrors([np.array([1.0, 0.01, -0.012]) / np.linalg.norm([1.0, 0.01, -0.012])], off)
     vertices = volume.mesh()[0]
     settled = alike._settled(mirror, volume, vertices[::5])
-    np.testing.assert_allclose(settled.shift, [1.0, 0.0, 0.0], atol=5e-4)
+    np.testing.assert_allclose(settled.matrix, np.diag([-1.0, 1.0, 1.0]), atol=2e-3)
+    np.testing.assert_allclose(settled.shift, [1.0, 0.0, 0.0], atol=2e-3)
 
 
 def test_what_is_alike_nowhere_stays_as_it_is():

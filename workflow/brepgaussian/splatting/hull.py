@@ -157,10 +157,9 @@ def carve(
             volume, wider = widen(images, volume, planes, more)
             prisms += notches + more + recesses + wider
             volume = refilled(images, uncut, cornered, volume, prisms)
-            volume = open_levels(images, volume, planes)
+            volume = open_levels(images, open_alike(images, volume, planes), planes)
             volume, prisms = open_onward(images, volume, prisms)
             volume = open_grooves(images, volume, prisms)
-            volume = open_alike(images, volume, planes)
         if patches is not None and relief:
             before, volume = volume, relieve(images, patches, faces, volume)
             if volume is not before:

@@ -121,26 +121,31 @@ def _mirrors(directions: Sequence[Array], middle: Array) -> Iterator[Motion]:
 
 
 def _settled(motion: Motion, hull: Volume, places: Array) -> Motion:
-    """A motion whose shift carries most of a hull's surface (N, 3) onto it: one side has more open than the other."""
-    shift = motion.shift
+    """A motion, shifted and turned a little so that it carries most of a hull's surface (N, 3) onto it.
+
+    One side has more open than the other, so a hull's middle is off, and the face that tells a direction may lean.
+    """
     for _ in range(_STEPS):
-        at = places @ motion.matrix.T + shift
+        at = places @ motion.matrix.T + motion.shift
         index = (at - hull.origin) / hull.spacing
         off = sample(hull.field, index, np.nan)
-        slope = np.column_stack(
-            [
-                (sample(hull.field, index + np.eye(3)[k], np.nan) - sample(hull.field, index - np.eye(3)[k], np.nan))
-                / (2 * hull.spacing)
-                for k in range(3)
-            ]
-        )
+        rises = [sample(hull.field, index + e, np.nan) - sample(hull.field, index - e, np.nan) for e in np.eye(3)]
+        slope = np.column_stack(rises) / (2 * hull.spacing)
         near = (np.abs(off) < _ALIKE_VOXELS * hull.spacing) & np.isfinite(slope).all(axis=1)
-        if np.count_nonzero(near) < 3:
+        if not near.any():
             break
-        # a direction that no surface tells stays as it is
-        normal = slope[near].T @ slope[near] + _DAMPING * np.count_nonzero(near) * np.eye(3)
-        shift = shift - np.linalg.solve(normal, slope[near].T @ off[near])
-    return replace(motion, shift=shift)
+        middle = at[near].mean(axis=0)
+        design = np.column_stack([slope[near], np.cross(at[near] - middle, slope[near])])
+        # what no surface tells stays as it is
+        normal = design.T @ design + _DAMPING * np.count_nonzero(near) * np.eye(6)
+        step = -np.linalg.solve(normal, design.T @ off[near])
+        turn = Rotation.from_rotvec(step[3:]).as_matrix()
+        motion = replace(
+            motion,
+            matrix=turn @ motion.matrix,
+            shift=middle + turn @ (motion.shift - middle) + step[:3],
+        )
+    return motion
 
 
 def _holding(hull: Volume, motions: Sequence[Motion]) -> list[Motion]:

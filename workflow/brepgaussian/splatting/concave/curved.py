@@ -36,6 +36,7 @@ _TURNS = 3  # until a lattice is square to the face
 _FACING = 0.3  # cosine of a normal to the lattice's; what is steeper lies behind an edge
 _NEARER = 8  # steps to where a line meets the face
 _MOST_FAR = 1.5  # of a lattice's half lengths: the polynomial is known as far as that
+_FEW = 9  # places along each side that tell whether a face bends at all
 _LEAST_BEND_CELLS = 1.5  # that the face sinks over the lattice; flatter ones are planes, which are looked at already
 
 
@@ -125,6 +126,9 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
         heights = height(u.ravel(), v.ravel()).reshape(u.shape)
     else:
         own, axes = axes, _frame(facing, along)
+        few = np.stack(np.meshgrid(*np.linspace(-reach, reach, _FEW).T, indexing="ij"), axis=-1).reshape(-1, 2)
+        if np.ptp(height.along(few @ (axes[:, :2].T @ own), facing @ own)) < _LEAST_BEND_CELLS * pitch / 2:
+            return None  # most mouths are in flat faces
         heights = height.along(np.column_stack([u.ravel(), v.ravel()]) @ (axes[:, :2].T @ own), facing @ own)
         heights = heights.reshape(u.shape)
     if np.ptp(heights) < _LEAST_BEND_CELLS * pitch:
@@ -224,5 +228,9 @@ class _Polynomial:
 
 def _terms(u: Array, v: Array) -> Array:
     """(N, T) monomials, the constant, u and v first."""
+    us, vs = [np.ones_like(u)], [np.ones_like(v)]
+    for _ in range(_DEGREE):  # products are far cheaper than powers
+        us.append(us[-1] * u)
+        vs.append(vs[-1] * v)
     powers = sorted(((i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)), key=lambda p: (sum(p), p[1]))
-    return np.column_stack([u**i * v**j for i, j in powers])
+    return np.column_stack([us[i] * vs[j] for i, j in powers])
