@@ -28,6 +28,7 @@ from brepgaussian.splatting.concave import (
     open_recesses,
     refilled,
     widen,
+    without_fins,
 )
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.concave.walls import Walls
@@ -158,6 +159,7 @@ def carve(
             prisms += notches + more + recesses + wider
             volume = refilled(images, uncut, cornered, volume, prisms)
             volume = open_levels(images, open_alike(images, volume, planes), planes)
+            volume = without_fins(images, volume)
             volume, prisms = open_onward(images, volume, prisms)
             volume = open_grooves(images, volume, prisms)
         if patches is not None and relief:

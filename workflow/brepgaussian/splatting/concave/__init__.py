@@ -12,6 +12,7 @@ from brepgaussian.splatting.concave.carve import open_channels, open_concavities
 from brepgaussian.splatting.concave.corners import open_corners
 from brepgaussian.splatting.concave.feet import open_feet
 from brepgaussian.splatting.concave.find import find_prisms
+from brepgaussian.splatting.concave.fins import without_fins
 from brepgaussian.splatting.concave.grooves import open_grooves
 from brepgaussian.splatting.concave.levels import open_levels
 from brepgaussian.splatting.concave.notches import open_notches
@@ -41,4 +42,5 @@ __all__ = [
     "open_recesses",
     "refilled",
     "widen",
+    "without_fins",
 ]

@@ -16,7 +16,7 @@ from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_at_object
 from brepgaussian.splatting.concave.floors import AT_FIRST, COARSELY, FINELY, Floor, lattice_of
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.planes import PARALLEL, Plane
+from brepgaussian.splatting.concave.planes import PARALLEL, Plane, planar_regions
 from brepgaussian.splatting.concave.prism import Lattice, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.volume import Volume
@@ -30,12 +30,14 @@ _STEP_VOXELS = 2.0  # between heights
 _PEAK_STEPS = 2  # on either side, among which a floor has most cells
 _SKIN_VOXELS = (0.8, 5.0)  # under a face that is known: there views agree about that
 _NEAR_VOXELS = 1.5  # a floor that is so near to a face that is known is that
-_MOST_FLOORS = 8  # that are looked at, largest first
+_MOST_FLOORS = 10  # that are looked at, largest first
 _LEAST_WIDTH_PIXELS = 14.0  # of a room
 _LID_COST = 0.3  # tolerances, capped, by which views differ on what the hull has over a room, at least: .5-2 measured
+_SHOWN_COST = 0.15  # on a face that the hull shows, at most; hulls over rooms have .3 and more
 _NEAR_CELLS = 1  # of a lattice that only tells heights, on either side, whose rays say so
 _LID_VOXELS = 1.5  # by which a lid is rough
-_LID_SHARE = 0.6  # of what the hull has over a pocket is one
+_LID_SHARE = 0.6  # of what the hull has over a pocket is one, and of what it has beside it
+_FRAME_CELLS = (2, 6)  # beside it
 _GAIN = 0.7  # of the disagreement is left at most: .25-.55 on true ones; beside those that are still filled more
 _LEAST_RAYS = 60
 _REACH_VOXELS = 2.0  # rays on which a room changes less than this don't judge it
@@ -44,9 +46,9 @@ logger = log.get_logger("stage1")
 
 
 def open_levels(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
-    """Carve the rooms over floors that are parallel to a hull's faces, but for those under a lid that is so, too.
+    """Carve the rooms over a hull's faces, and over floors parallel to these, but for pockets.
 
-    Those are pockets, which the outline of their opening tells more exactly.
+    These have a lid, and the outline of their opening tells them more exactly.
 
     Args:
         images: of all views.
@@ -60,21 +62,35 @@ def open_levels(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume
         return hull
     least = (_LEAST_WIDTH_PIXELS * images.views.cameras.footprint()) ** 2
     seen = _Seen.of(hull, rays_at_object(images))
-    found = [
-        peak for normal in _directions(planes) for peak in _peaks(images, seen, normal, planes) if peak[0] >= least
-    ]
+    swept = [peak for normal in _directions(planes) for peak in _peaks(images, seen, normal, planes)]
+    likely = [plane for area, plane in sorted(swept, key=lambda peak: -peak[0]) if area >= least]
     looked = 0
-    for _, plane in sorted(found, key=lambda peak: -peak[0]):
+    for plane in [*planes, *_shown(seen, planes), *likely]:
         floor = Floor.of(images, seen.hull, plane)
-        if seen.differs_over(floor, floor.shares(images) >= AT_FIRST) < _LID_COST:
+        room = floor.shares(images) >= AT_FIRST
+        if floor.area(room) < least or seen.differs_over(floor, room) < _LID_COST:
             continue
         looked += 1
-        for room in _rooms(images, seen, floor, planes, least):
-            if seen.differs_over(*room) >= _LID_COST and not seen.has_lid(*room):
-                seen = seen.opened(images, *room)
+        for base, part in _rooms(images, seen, floor, planes, least):
+            if seen.differs_over(base, part) >= _LID_COST:
+                seen = seen.opened(images, base, part)
         if looked >= _MOST_FLOORS:
             break
     return seen.hull
+
+
+def _shown(seen: "_Seen", planes: Sequence[Plane]) -> Iterator[Plane]:
+    """Planes of a hull's flat regions about which views agree, beyond those that are known: tops of ribs, slopes."""
+    mesh = seen.scene.vertices, seen.scene.triangles
+    for region in planar_regions(*mesh, 2 * seen.hull.spacing, planes):
+        if any(plane.is_of(region, 2 * seen.hull.spacing) for plane in planes):
+            continue
+        corners = mesh[0][mesh[1][region.triangles]].reshape(-1, 3)
+        low, high = corners.min(axis=0) - seen.hull.spacing, corners.max(axis=0) + seen.hull.spacing
+        on = (np.abs(seen.at @ region.normal - region.offset) < seen.hull.spacing) & (seen.at > low).all(axis=1)
+        on &= (seen.at < high).all(axis=1)
+        if on.any() and seen.costs[on].mean() < _SHOWN_COST:
+            yield Plane(region.normal, region.offset)
 
 
 def _rooms(
@@ -82,9 +98,9 @@ def _rooms(
 ) -> Iterator[tuple[Floor, Cells]]:
     """Rooms (R, C) over a floor, or over the one that it nearly is, largest first."""
     room = floor.room(images)
-    if floor.area(room) < least or seen.has_lid(floor, room):
-        return
     near = [p for p in planes if p.normal @ floor.lattice.normal > PARALLEL and _is_near(p, floor)]
+    if floor.area(room) < least or (not near and seen.has_lid(floor, room)):
+        return
     floor = Floor.of(images, seen.hull, near[0]) if near else floor.settled(images, room, COARSELY, FINELY)
     room = floor.room(images)
     if floor.area(room) < least or not seen.agrees(images, floor, room):
@@ -95,7 +111,9 @@ def _rooms(
         room = floor.surely(images, room)
     labels, count = ndimage.label(room)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:] * floor.lattice.pitch**2
-    yield from ((floor, labels == k + 1) for k in np.argsort(-sizes, kind="stable") if sizes[k] >= least)
+    for k in [k for k in np.argsort(-sizes, kind="stable") if sizes[k] >= least]:
+        if near or not seen.has_lid(floor, labels == k + 1):
+            yield floor, labels == k + 1
 
 
 def _is_near(plane: Plane, floor: Floor) -> bool:
@@ -134,13 +152,20 @@ class _Seen:
         return np.ravel_multi_index(tuple(index[inside].T), lattice.shape), height[inside], self.costs[inside]
 
     def has_lid(self, floor: Floor, room: Cells) -> bool:
-        """Whether most of what the hull has over cells (R, C) of a floor is parallel to it."""
+        """Whether most of what the hull has over cells (R, C) of a floor is parallel to it, and goes on around them."""
         within, height = over(floor.lattice, room, self.at)
         above = np.sort(height[within & (height > 0)])
         if not len(above):
             return False
         thick = 2 * _LID_VOXELS * self.hull.spacing
-        return bool((np.searchsorted(above, above + thick) - np.arange(len(above))).max() > _LID_SHARE * len(above))
+        count = np.searchsorted(above, above + thick) - np.arange(len(above))
+        best = int(count.argmax())
+        if count[best] <= _LID_SHARE * len(above):
+            return False
+        near, far = (ndimage.binary_dilation(room, iterations=n) for n in _FRAME_CELLS)
+        beside, height = over(floor.lattice, far & ~near, self.at)
+        level = (height > above[best]) & (height < above[best] + thick)
+        return bool((beside & level).sum() > _LID_SHARE * (beside & (height > -thick)).sum())
 
     def agrees(self, images: Images, floor: Floor, room: Cells) -> bool:
         """Whether views agree better without what stands over cells (R, C) of a floor."""
