@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blocks import BLOCK
 from brepgaussian.splatting import hull as stage
 from brepgaussian.splatting.concave import notches
 from brepgaussian.splatting.concave.notches import _drawn, _notches, _Shown, _stands, _surely
@@ -103,3 +104,20 @@ def test_of_a_notch_with_a_section_all_counts():
     assert _surely(cells).outline.sum() == 8 * 8
     drawn = replace(cells, section=Section((9.5, 9.5), 0.0, Rounded((6.0, 6.0), 0.0)))
     assert _surely(drawn) is drawn
+
+
+@pytest.mark.parametrize(
+    ("rays", "worse", "believed"), [(6, 2.2, False), (6, 1.2, True), (3, 9.0, True), (80, 1.2, False)]
+)
+def test_few_rays_refuse_what_they_agree_much_less_about(monkeypatch, rays, worse, believed):
+    """Between the spokes of a wheel a notch went through its hub: six rays told, of 5000 voxels."""
+    cells = np.zeros((40, 40), bool)
+    cells[10:30, 10:30] = True
+    lattice = Lattice(np.array([0.3, 0.3, 1.0]), *np.eye(3), 0.01, cells.shape)
+    told = np.ones(rays, bool)
+    said = np.zeros((rays, 3)), (np.full(rays, 0.5), told), (np.full(rays, 0.5 * worse), told), 0.0
+    monkeypatch.setattr(notches, "changes", lambda *a: said)
+    monkeypatch.setattr(notches, "lost_share", lambda *a: 0.0)
+    chords = SimpleNamespace(samples=lambda: np.zeros((1, 3)))
+    cut = notches._cut(None, BLOCK, BLOCK.scene(), Prism(lattice, cells, 1.0, True, 0.0), chords)
+    assert (cut is not None) == believed
