@@ -107,10 +107,11 @@ def test_of_a_notch_with_a_section_all_counts():
 
 
 @pytest.mark.parametrize(
-    ("rays", "worse", "believed"), [(6, 2.2, False), (6, 1.2, True), (3, 9.0, True), (80, 1.2, False)]
+    ("rays", "worse", "deep", "believed"),
+    [(6, 2.2, 1.0, False), (6, 1.2, 1.0, True), (80, 1.2, 1.0, False), (3, 1.0, 1.0, False), (3, 9.0, 0.02, True)],
 )
-def test_few_rays_refuse_what_they_agree_much_less_about(monkeypatch, rays, worse, believed):
-    """Between the spokes of a wheel a notch went through its hub: six rays told, of 5000 voxels."""
+def test_few_rays_refuse_a_notch(monkeypatch, rays, worse, deep, believed):
+    """About which they agree much less (through a wheel's hub, by six rays), or that is large: views look into such."""
     cells = np.zeros((40, 40), bool)
     cells[10:30, 10:30] = True
     lattice = Lattice(np.array([0.3, 0.3, 1.0]), *np.eye(3), 0.01, cells.shape)
@@ -119,5 +120,5 @@ def test_few_rays_refuse_what_they_agree_much_less_about(monkeypatch, rays, wors
     monkeypatch.setattr(notches, "changes", lambda *a: said)
     monkeypatch.setattr(notches, "lost_share", lambda *a: 0.0)
     chords = SimpleNamespace(samples=lambda: np.zeros((1, 3)))
-    cut = notches._cut(None, BLOCK, BLOCK.scene(), Prism(lattice, cells, 1.0, True, 0.0), chords)
+    cut = notches._cut(None, BLOCK, BLOCK.scene(), Prism(lattice, cells, deep, False, 0.0), chords)
     assert (cut is not None) == believed

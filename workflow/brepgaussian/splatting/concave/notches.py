@@ -38,6 +38,7 @@ _LEAST_VOXELS = 100  # of what is left of a notch, to be worth a try
 _REACH_VOXELS = 0.5  # rays that a cut changes by less don't judge it
 _LEAST_RAYS = 60  # that judge it by the last figure,
 _FEWEST_RAYS = 5  # and by whether they agree much worse; fewer don't, as hardly any view looks into a narrow one
+_UNSEEN_VOXELS = 2000  # but they look into a large one that is open: 27000 and 57000 were none (cross_knob, scratch)
 _SLABS = 12  # of a notch along its length; what stands in it is as long as one at least
 _WORSE = 1.5  # times what rays disagree by, behind what stands in a slab: 2 to 7; in empty ones 1.2 at most
 _GAIN = 1.0  # a cut leaves at most this share of their disagreement: that both ends are open speaks for it
@@ -161,7 +162,8 @@ def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chord
         missing = changes(images, scene, hull.without(sure, margin).scene(), _REACH_VOXELS * hull.spacing)[-1]
     old, new, told = mean_cost(before), mean_cost(after), before[1] & after[1]
     most = _GAIN if told.sum() >= _LEAST_RAYS else _WORSE
-    good = lost <= MOST_LOST and missing <= MOST_LOST and (told.sum() < _FEWEST_RAYS or new <= most * old)
+    believed = new <= most * old if told.sum() >= _FEWEST_RAYS else gone <= _UNSEEN_VOXELS
+    good = lost <= MOST_LOST and missing <= MOST_LOST and believed
     good = good and not _stands(prism, at[told], before[0][told], after[0][told])
     logger.info(
         "notch of area %.4f, normal %s, %s, %d voxels: %.1f %% of the rays lost, views disagree by %.2f for %.2f, "
