@@ -230,7 +230,7 @@ def test_fillets_that_are_tried_leave_the_budget_of_others_alone(part, monkeypat
 
     def tried(self, changes, **_):
         spent.append((self.left.solids, self.left.refinements))
-        self.left.refined()
+        self.left.refined(9)
         return False
 
     monkeypatch.setattr(trials.Trials, "_tried", tried)
