@@ -51,7 +51,7 @@ def test_rooms_between_vanes_are_opened_down_to_the_disc(tmp_path, count):
     images = Images.of(views)
     start = floors.Floor.of(images, hull, Plane(-BOTTOM.normal, height - 3 * hull.spacing))
     settled = start.settled(images, start.room(images), floors.COARSELY, floors.FINELY)
-    assert settled.plane.offset == pytest.approx(height, abs=hull.spacing / 2)
+    assert settled.lattice.offset == pytest.approx(height, abs=hull.spacing / 2)
 
 
 def test_pockets_are_left_to_their_outlines(tmp_path):

@@ -63,6 +63,12 @@ class Rays:
         against[met], told[met] = _differences(points, normal[met], self.grey[met], self.side, self.tolerance)
         return against, told
 
+    def told(self, scene: Scene) -> tuple[Array, Array]:
+        """(M, 3) where those that tell anything hit a surface, and (M,) by how many tolerances they differ there."""
+        hitting = self.hitting(scene, lambda points: np.ones(len(points), bool))
+        costs, told = hitting.costs(scene)
+        return hitting.at[told], costs[told]
+
     def advantage(self, costs: Costs, other: Costs) -> float:
         """By how many standard errors the rays that both tell of disagree less on the other; 0 if they are alike."""
         return advantage(self.at, self.side, costs, other)

@@ -75,12 +75,13 @@ def open_alike(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
     Returns:
         The hull without the rooms that views believe.
     """
-    directions, inside = _directions(hull, planes), np.argwhere(hull.field > 0)
+    mesh = hull.mesh()
+    directions, inside = _directions(hull, mesh, planes), np.argwhere(hull.field > 0)
     middle = hull.origin + hull.spacing * inside.mean(axis=0)
-    motions = _holding(hull, [*_turns(directions, middle), *_mirrors(directions, middle)])
+    motions = _holding(hull, mesh[0], [*_turns(directions, middle), *_mirrors(directions, middle)])
     if not motions:
         return hull
-    rays, scene = rays_at_object(images), hull.scene()
+    rays, scene = rays_at_object(images), Scene(*mesh)
     for motion in motions:
         for cut in _rooms(hull, motion):
             opened = hull.with_field(np.minimum(hull.field, cut))
@@ -90,9 +91,9 @@ def open_alike(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
     return hull
 
 
-def _directions(hull: Volume, planes: Sequence[Plane]) -> list[Array]:
+def _directions(hull: Volume, mesh: tuple[Array, NDArray[np.int64]], planes: Sequence[Plane]) -> list[Array]:
     """Unit directions (3,) that a hull may be turned about: of its axis of rotation, and across its faces."""
-    axis = axis_of_rotation(*hull.mesh(), _NEAR_VOXELS * hull.spacing)
+    axis = axis_of_rotation(*mesh, _NEAR_VOXELS * hull.spacing)
     found: list[Array] = []
     for direction in [*([] if axis is None else [axis.direction]), *(plane.normal for plane in planes)]:
         if all(abs(direction @ other) < PARALLEL for other in found):
@@ -148,11 +149,11 @@ def _settled(motion: Motion, hull: Volume, places: Array) -> Motion:
     return motion
 
 
-def _holding(hull: Volume, motions: Sequence[Motion]) -> list[Motion]:
+def _holding(hull: Volume, vertices: Array, motions: Sequence[Motion]) -> list[Motion]:
     """Motions, settled, that carry a hull onto most of itself, best first."""
     coarse = np.ascontiguousarray(hull.field[(slice(None, None, _STRIDE),) * 3])
     small = Volume(coarse, hull.origin, _STRIDE * hull.spacing)
-    vertices, inside = hull.mesh()[0], coarse > 0
+    inside = coarse > 0
     places = vertices[:: max(1, len(vertices) // _PLACES)]
     settled = [_settled(motion, hull, places) for motion in motions]
     overlap: list[float] = []

@@ -42,12 +42,11 @@ def without_fins(images: Images, hull: Volume) -> Volume:
     if not len(large):
         return hull
     rays, scene = rays_at_object(images), hull.scene()
-    hitting = rays.hitting(scene, lambda points: np.ones(len(points), bool))
-    costs, told = hitting.costs(scene)
+    at, costs = rays.told(scene)
     near = ndimage.grey_dilation(labels, size=3)  # rays hit a surface between two nodes
-    nodes = np.round((hitting.at[told] - hull.origin) / hull.spacing).astype(int)
+    nodes = np.round((at - hull.origin) / hull.spacing).astype(int)
     hit = near[tuple(np.clip(nodes, 0, np.array(labels.shape) - 1).T)]
-    hits, sums = np.bincount(hit, minlength=count + 1), np.bincount(hit, costs[told], count + 1)
+    hits, sums = np.bincount(hit, minlength=count + 1), np.bincount(hit, costs, count + 1)
     mean = sums / np.maximum(hits, 1)
     doubtful = [k for k in large if mean[k] >= _COST and hits[k] >= _LEAST_HITS]
     for k in sorted(doubtful, key=lambda k: -mean[k])[:_MOST]:

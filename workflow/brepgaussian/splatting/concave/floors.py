@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from brepgaussian.artifacts.views import CLEAR, OPAQUE
-from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.openings import LEAST_COSINE, Images, grey_at, visible
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS, Plane
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes, signed_outline
 from brepgaussian.splatting.concave.scene import Scene
@@ -21,7 +20,6 @@ Cells = NDArray[np.bool_]
 _MOST_CELLS = 120  # along the longer side of a lattice
 _COARSE = 2  # nodes of the hull for one of the hull that hides cells
 _STANDS_VOXELS = 1.5  # over a plane, where it stands on a cell
-_LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
 _LIFT_CELLS = 3.0  # above its cell a ray starts: off the hull's own roughness
 _LEAST_VIEWS = 3  # that see a cell, before they judge it
 _TOLERANCES = 2.0  # by which a place may differ from view to view: in a corner its grey changes from cell to cell
@@ -71,11 +69,6 @@ class Floor:
         grey = np.full((len(images.views.cameras), *lattice.shape), np.nan, np.float32)
         grey[:, covered] = _greys(images, plane.normal, cells[covered.ravel()])
         return Floor(hull, lattice, covered, grey, float((hull.box @ plane.normal).max()) - plane.offset)
-
-    @property
-    def plane(self) -> Plane:
-        """On which it lies."""
-        return Plane(self.lattice.normal, self.lattice.offset)
 
     def area(self, cells: NDArray[np.generic]) -> float:
         """Area of some cells (R, C), or of shares of them."""
@@ -209,20 +202,15 @@ def _greys(images: Images, normal: Array, cells: Array) -> NDArray[np.float32]:
     grey = np.full((len(cameras), len(cells)), np.nan, np.float32)
     for view, center in enumerate(cameras.centers):
         sight = center - cells
-        index = np.flatnonzero(sight @ normal > _LEAST_COSINE * np.linalg.norm(sight, axis=1))
-        at = cameras.project(view, cells[index])[0][:, ::-1] - 0.5
-        alpha, level = sample(images.views.alpha[view], at), sample(images.luminance[view], at)
-        grey[view, index] = np.where(alpha > OPAQUE, level, np.where(alpha < CLEAR, -1, np.nan))
+        index = np.flatnonzero(sight @ normal > LEAST_COSINE * np.linalg.norm(sight, axis=1))
+        grey[view, index] = grey_at(images, view, cells[index])
     return grey
 
 
 def _visible(images: Images, scene: Scene, lattice: Lattice, cells: Array) -> NDArray[np.bool_]:
     """(V, N) which cells (N, 3) each view sees past a hull."""
     seen = np.zeros((len(images.views.cameras), len(cells)), bool)
+    normals = np.broadcast_to(lattice.normal, cells.shape)
     for view, center in enumerate(images.views.cameras.centers):
-        sight = center - cells
-        length, up = np.linalg.norm(sight, axis=1), sight @ lattice.normal
-        index = np.flatnonzero(up > _LEAST_COSINE * length)
-        start = cells[index] + (_LIFT_CELLS * lattice.pitch / up[index])[:, None] * sight[index]
-        seen[view, index] = ~scene.occluded(start, sight[index] / length[index, None])
+        seen[view, visible(scene, cells, normals, center, _LIFT_CELLS * lattice.pitch)] = True
     return seen

@@ -134,9 +134,7 @@ class _Seen:
     def of(hull: Volume, rays: Rays, scene: Scene | None = None) -> "_Seen":
         """What rays say of a hull (whose surface may be given)."""
         scene = scene or hull.scene()
-        hitting = rays.hitting(scene, lambda points: np.ones(len(points), bool))
-        costs, told = hitting.costs(scene)
-        return _Seen(hull, rays, scene, hitting.at[told], costs[told])
+        return _Seen(hull, rays, scene, *rays.told(scene))
 
     def differs_over(self, floor: Floor, room: Cells) -> float:
         """Mean of what rays differ by that hit the hull over cells (R, C) of a floor."""

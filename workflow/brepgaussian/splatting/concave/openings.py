@@ -21,7 +21,7 @@ LID, WALL, BACKGROUND, UNSEEN = 0, 1, 2, 3  # what a view shows at a cell of the
 _NOISE_FREE_TOLERANCE = 1.5  # grey levels by which views of one place differ: rounding and interpolation
 _SIGMAS = 3.0
 _OFF_CELLS = 3.0  # over a face, its views are asked: off the hull's own roughness
-_LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
+LEAST_COSINE = 0.2  # a plane seen flatter than this blurs its cells into each other
 _LEAST_VIEWS = 6  # of a cell, before its disagreement counts
 REFUTED_SHARE = 0.12  # of a cell's views; walls show in a part of the views only
 SURELY_SHARE = 0.3  # of them; beside walls that are a cell off, strips of a floor have .1-.2
@@ -195,9 +195,9 @@ def _look(
     cameras = images.views.cameras
     grey = np.full((len(cameras), len(cells)), np.nan, np.float32)  # -1 = background
     for view, center in enumerate(cameras.centers):
-        seen = _visible(scene, cells, normals, center, off)
+        seen = visible(scene, cells, normals, center, off)
         if len(seen):
-            grey[view, seen] = _sample(images, view, cells[seen])
+            grey[view, seen] = grey_at(images, view, cells[seen])
     shown = np.where(np.abs(grey - _consensus(grey)) <= images.tolerance, LID, WALL).astype(np.uint8)
     shown[grey < 0] = BACKGROUND
     shown[np.isnan(grey)] = UNSEEN
@@ -289,18 +289,18 @@ def is_framed(stack: Stack, outline: NDArray[np.bool_]) -> bool:
     return bool(frame.any()) and float(same.mean()) >= _FRAME_SHARE
 
 
-def _visible(scene: Scene, cells: Array, normals: Array, center: Array, off: float) -> NDArray[np.int64]:
+def visible(scene: Scene, cells: Array, normals: Array, center: Array, off: float) -> NDArray[np.int64]:
     """(M,) which of the cells (N, 3) the camera sees from above, past the rest of the hull."""
     to_camera = center - cells
     length = np.sqrt(np.einsum("nc,nc->n", to_camera, to_camera))
     above = np.einsum("nc,nc->n", to_camera, normals)
-    index = np.flatnonzero(above > _LEAST_COSINE * length)
+    index = np.flatnonzero(above > LEAST_COSINE * length)
     # along the ray itself: one that starts straight above its cell looks past what stands in the way
     start = cells[index] + (off / above[index])[:, None] * to_camera[index]
     return index[~scene.occluded(start, to_camera[index] / length[index, None])]
 
 
-def _sample(images: Images, view: int, points: Array) -> NDArray[np.float32]:
+def grey_at(images: Images, view: int, points: Array) -> NDArray[np.float32]:
     """(N,) grey level, -1 on background, NaN on the silhouette's border."""
     pixels, _ = images.views.cameras.project(view, points)
     at = pixels[:, ::-1] - 0.5
