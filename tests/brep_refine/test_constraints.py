@@ -5,6 +5,7 @@ import pytest
 from brepgaussian.brep.refine.constraints import Tie, Tolerances, detect, tangent_rows, tie_rows, value
 from brepgaussian.brep.refine.parameters import COUNT, update
 from brepgaussian.brep.structure import extract
+from brepgaussian.geometry.surfaces import cylinder, plane, unit
 from refine_support import perturbed, surfaces_of, unit_solid
 
 build123d = pytest.importorskip("build123d")
@@ -181,3 +182,22 @@ def test_a_narrow_chamfer_is_no_torn_corner():
     solid = unit_solid(box.chamfer(0.006, None, [edge]))
     surfaces = surfaces_of(solid)
     assert not [t for t in detect(extract(solid, surfaces), surfaces, tolerances(surfaces)) if t.kind == "corner"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rows_of_a_corner_are_the_derivative_of_its_value(seed):
+    rng = np.random.default_rng(seed)
+    place = rng.normal(size=3)
+    members = [plane(place + 1e-3 * rng.normal(size=3), rng.normal(size=3)) for _ in range(4)]
+    if seed % 2:
+        axis = unit(rng.normal(size=3))
+        members[1] = cylinder(place + 0.3 * unit(np.cross(axis, rng.normal(size=3))), axis, 0.3)
+    tie = Tie("corner", (0, 1, 2, 3), tuple(place))
+    ((row, start),) = tie_rows([tie], members)
+    assert start == value(tie, members)[0]
+    for index, slopes in row.items():
+        for k, slope in enumerate(slopes):
+            delta = np.zeros(len(slopes))
+            delta[k] = 1e-6
+            moved = [*members[:index], update(members[index], delta), *members[index + 1 :]]
+            assert (value(tie, moved)[0] - start) / 1e-6 == pytest.approx(slope, abs=0.02)

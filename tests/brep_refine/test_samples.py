@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, from_solid, merged, slave
 from brepgaussian.brep.refine.parameters import derivative
-from brepgaussian.brep.refine.samples import EdgeSamples, project, see_contours, see_edges, settle
+from brepgaussian.brep.refine.samples import EdgeSamples, Rays, followed, project, see_contours, see_edges, settle
 from brepgaussian.brep.structure import Face, Structure
 from brepgaussian.geometry.surfaces import cylinder, plane, sphere, torus
 from refine_support import look_at_cameras, perturbed
@@ -31,6 +31,36 @@ def test_projection_derivative_equals_finite_differences():
         numeric = (project(cameras, view, points + step)[0] - project(cameras, view, points - step)[0]) / 2e-6
         np.testing.assert_allclose(jacobian[:, :, k], numeric, rtol=1e-5, atol=1e-4)
     np.testing.assert_allclose(pixel[0], cameras.project(int(view[0]), points[:1])[0][0])
+
+
+def test_rays_follow_surfaces_that_move_a_little():
+    ball, lid = sphere(np.full(3, 0.5), 0.3), plane([0.5, 0.5, 0.6], [0.2, 0.1, 1])
+    moved = (sphere(np.array([0.5002, 0.4999, 0.5]), 0.3001), plane([0.5, 0.5, 0.6002], [0.2, 0.101, 1]))
+    cameras, poses = look_at_cameras(6), np.zeros((6, 3))
+    angle = np.linspace(0, 6, 9)
+    start = np.column_stack([0.5 + 0.28 * np.cos(angle), 0.5 + 0.28 * np.sin(angle), np.full(9, 0.6)])
+    samples = settle(EdgeSamples(start, np.tile([[0, 1]], (9, 1)), np.zeros(9, int)), (ball, lid))
+    edges = see_edges(samples, (ball, lid), cameras, poses)
+    mesh, structure = _mesh_of(ball, _sphere_grid(np.full(3, 0.5)))
+    contours = see_contours(mesh, structure, (ball, lid), cameras, poses, 0.02)
+    before = Rays(**{k: np.concatenate([v, getattr(contours, k)]) for k, v in vars(edges).items()}).turned(
+        np.arange(len(edges.view) + len(contours.view)) % 2 == 0
+    )
+    rows, after = followed(before, moved, cameras, poses)
+    anew = see_edges(settle(samples, moved), moved, cameras, poses)
+    assert len(rows) == len(before.view)
+    same = {(v, s): k for k, (v, s) in enumerate(zip(anew.view, anew.sample, strict=True))}
+    for k in range(len(edges.view)):
+        other = same[after.view[k], after.sample[k]]
+        np.testing.assert_allclose(after.pixel[k], anew.pixel[other], atol=1e-6)
+        np.testing.assert_allclose(np.abs(after.lever[k]), np.abs(anew.lever[other]), atol=1e-4)
+    assert (np.einsum("ri,ri->r", after.normal, before.normal) > 0.99).all()
+    sight = after.points - cameras.centers[after.view]
+    outline = np.flatnonzero(after.sample < 0)
+    assert len(outline) > 20
+    normals = moved[0].normals(after.points[outline])
+    assert np.abs(np.einsum("ri,ri->r", normals, sight[outline])).max() < 1e-6
+    assert np.abs(moved[0].signed_distance(after.points[outline])).max() < 1e-9
 
 
 def test_lever_predicts_how_an_edge_moves_in_the_image():

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.brep.refine.steps import image_steps, stepped
+from brepgaussian.brep.refine.steps import image_steps, stepped, watching
 from brepgaussian.settings.brep import BrepSettings
 from brepgaussian.splatting.concave import Images
 from build123d import Align, Axis, Box, Cylinder, Pos, Rot, fillet
@@ -42,6 +42,23 @@ def test_a_slot_that_a_solid_has_elsewhere_is_seen(tmp_path):
     views = views_of(block - Pos(0, 0, 20) * slot, tmp_path)
     moved = block - Pos(12, 8, 20) * slot
     assert stepped(*asked_of(moved, views)) > LIMIT
+
+
+def test_views_watch_a_place_that_is_not_hidden_nor_at_a_graze(tmp_path):
+    part = Box(40, 40, 10, align=LOW) + Pos(0, 0, 10) * Box(4, 40, 12, align=LOW)
+    scene, _, shown, _ = asked_of(part, views_of(part, tmp_path))
+    high, low = scene.mesh.vertices.max(axis=0), scene.mesh.vertices.min(axis=0)
+    size = (high[0] - low[0]) / 40
+    middle = (high + low) / 2
+    places = middle + size * np.array([[10.0, 0, -1], [-10, 0, -1], [0, 0, 11]])  # beside the wall, and on it
+    eyes = (shown.views.cameras.centers[:, None] - places) / size  # (V, 3, 3)
+    steep = eyes[..., 2] / np.linalg.norm(eyes, axis=2)
+    wall = np.array([-8.0, 8.0, np.inf])  # from the place to the wall's nearer side
+    over = eyes[..., 2] * wall / eyes[..., 0]  # height of the ray there
+    hidden = np.where(eyes[..., 0] * wall > 0, np.abs(over) < 12, False)
+    expected = ((steep > 0.25) & ~hidden).sum(axis=0)
+    up = np.tile([0.0, 0.0, 1.0], (3, 1))
+    assert np.abs(watching(scene, places, up, shown) - expected).max() <= 1
 
 
 def test_steps_are_ridges_of_the_gradient():

@@ -62,7 +62,7 @@ def test_what_strayed_is_solved_again_and_taken_if_it_is_better(tmp_path, monkey
     structure, mesh, moved, _ = start_of(solid, surfaces_of(solid), 3)
     calls = []
 
-    def solved(start, settings):
+    def solved(start, settings, hopeless):
         calls.append(start.prior.held)
         name = "held" if start.prior.held else "free"
         state = replace(start.state, tone=np.array([0.5 if name == "held" else 0.25, 0.0]))
@@ -77,6 +77,30 @@ def test_what_strayed_is_solved_again_and_taken_if_it_is_better(tmp_path, monkey
     if second is not None:
         assert calls[1] == frozenset({structure.faces[2].surface})
     assert result.tone[0] == (0.5 if taken == "held" else 0.25)
+
+
+@pytest.mark.parametrize("hope", [True, False])
+def test_no_relations_are_sought_where_there_is_no_hope(tmp_path, monkeypatch, hope):
+    from brepgaussian.views.truth import transformed
+    from build123d import Box
+
+    views = views_of(Box(60, 50, 40), tmp_path, rendered_views=8, image_size=200)
+    solid = transformed(Box(60, 50, 40).wrapped, np.linalg.inv(views.world_from_unit))
+    structure, mesh, moved, _ = start_of(solid, surfaces_of(solid), 3)
+    asked, tried, descend = [], [], refinement.descend
+    monkeypatch.setattr(refinement, "descend", lambda run, ties, *rest: tried.append(ties) or descend(run, ties, *rest))
+    result = refine(
+        structure,
+        mesh,
+        moved,
+        views,
+        BrepSettings(),
+        hopeless=lambda test: asked.append(test.silhouette_px) or not hope,
+    )
+    assert len(asked) == 1
+    assert asked[0] < 0.1  # told after edges were measured
+    assert (len(tried) > 1) == hope
+    assert bool(result.report["relations"]) == hope
 
 
 @pytest.mark.parametrize(("off", "away", "left"), [(0.0, 0.025, True), (0.0, 0.015, False), (0.015, 0.04, False)])

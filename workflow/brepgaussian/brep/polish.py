@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,17 +61,18 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
 
     log, settings = get_logger("brep"), job.settings
     best: Polished | None = None
-    footprint = views.cameras.footprint()
+    footprint, lost = views.cameras.footprint(), partial(_is_hopeless, hopeless=hopeless, settings=settings)
     try:
         structure, mesh = inspect(worker, attempt, settings)
         if not settings.refine:
             test = acceptance(mesh, structure, attempt.surfaces, views, settings)
             return _polished(attempt, {"refined": False}, structure, test, job, footprint)
         for _ in range(_ROUNDS):
-            result = refine(structure, mesh, attempt.surfaces, views, settings)
+            given = (structure, mesh, attempt.surfaces, views, settings)
+            result = refine(*given, hopeless=lost)
             drawn = _drawn(job, structure, attempt, result)
             if drawn:
-                firm = refine(structure, mesh, attempt.surfaces, views, settings, drawn)
+                firm = refine(*given, drawn, lost)
                 result = firm if firm.accepted or not result.accepted else result
             if job.clear:
                 result = replace(result, surfaces=_cleared(job, result.surfaces))
@@ -78,7 +80,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
             if best is None:
                 notes = {"refined": False, "refinement": details | _tables(result.before)}
                 best = _polished(attempt, notes, structure, result.before, job, footprint)
-            if not result.report["kept"] or _is_hopeless(result, hopeless, settings):
+            if not result.report["kept"] or lost(result.acceptance):
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
             if isinstance(rebuilt, str):
@@ -100,14 +102,14 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
     return best
 
 
-def _is_hopeless(result: Any, hopeless: float, settings: BrepSettings) -> bool:
+def _is_hopeless(test: Any, hopeless: float, settings: BrepSettings) -> bool:
     """Whether a refinement leaves so much to object to that no other solid of the same surfaces makes up for it.
 
     What lies elsewhere is one of these; between solids it doesn't count, for of worse ones it isn't known.
     """
-    figures = _figures(result.acceptance)
+    figures = _figures(test)
     displaced = in_limits(figures["displaced"] or 0.0, settings.accept_displaced)
-    return not result.accepted and badness(figures, settings) + max(displaced - 1, 0.0) > hopeless
+    return not test.accepted and badness(figures, settings) + max(displaced - 1, 0.0) > hopeless
 
 
 def _polished(

@@ -63,10 +63,15 @@ class Tie:
 
 def _apart(surfaces: Sequence[Surface], near: Array) -> float:
     """By how much four surfaces miss a common point: their distances from the nearest one, where these balance."""
-    point = slave(near[None], np.arange(len(surfaces))[None], surfaces)
+    point = _nearest(surfaces, near)
     off = np.array([s.signed_distance(point)[0] for s in surfaces])
     balance = _balance(surfaces, point)
     return float(balance @ off)
+
+
+def _nearest(surfaces: Sequence[Surface], near: Array) -> Array:
+    """(1, 3) point where the distances of some surfaces balance, about a place (3,)."""
+    return slave(near[None], np.arange(len(surfaces))[None], surfaces)
 
 
 def _balance(surfaces: Sequence[Surface], point: Array) -> Array:
@@ -246,6 +251,9 @@ def tie_rows(ties: Sequence[Tie], surfaces: Sequence[Surface]) -> list[Row]:
     """Linear equations that keep the relations, by numeric derivatives of a few parameters."""
     rows: list[Row] = []
     for tie in ties:
+        if tie.kind == "corner":
+            rows.append(_corner_row(tie, surfaces))
+            continue
         start = value(tie, surfaces)
         members = [surfaces[i] for i in tie.members]
         frame = np.array(members[0].frame()[:2])
@@ -260,6 +268,15 @@ def tie_rows(ties: Sequence[Tie], surfaces: Sequence[Surface]) -> list[Row]:
             columns[index] = matrix
         rows.extend(({i: m[k] for i, m in columns.items()}, float(start[k])) for k in range(len(start)))
     return rows
+
+
+def _corner_row(tie: Tie, surfaces: Sequence[Surface]) -> Row:
+    """The same of a corner: its place slides along all faces, so that to first order only their distances change."""
+    members = [surfaces[i] for i in tie.members]
+    point = _nearest(members, np.array(tie.near))
+    balance, off = _balance(members, point), np.array([s.signed_distance(point)[0] for s in members])
+    parts = (b * derivative(s, point)[0] for b, s in zip(balance, members, strict=True))
+    return dict(zip(tie.members, parts, strict=True)), float(balance @ off)
 
 
 def tangent_rows(structure: Structure, surfaces: Sequence[Surface]) -> list[Row]:

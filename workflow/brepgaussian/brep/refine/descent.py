@@ -13,6 +13,7 @@ from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_row
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, whole_images
 from brepgaussian.brep.refine.parallax import Displaced, displaced
+from brepgaussian.brep.refine.samples import followed
 from brepgaussian.brep.refine.solve import Prior, State, Step, step
 from brepgaussian.brep.refine.soundings import Soundings
 from brepgaussian.brep.refine.visibility import Scene, Seen, compare_masks
@@ -29,7 +30,21 @@ _WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _SOUNDINGS = 8  # rounds with depths, each of which halves what is left of the error,
 _STILL = 1e-4  # unit frame, a twentieth of a pixel: until no vertex moves by more
+_SAME_PX = 0.05  # by which the triangulation is off anyway: edges that moved by less are as visible as they were
 _SETTLING = 0.9  # of a round's largest move is that of the next, or there is more amiss than depths
+
+
+@dataclass(frozen=True)
+class _Watched:
+    """Usable observations `seen` of a solid, and with which mesh and poses of the cameras they were told usable."""
+
+    seen: Seen
+    mesh: FaceMesh
+    poses: Array
+
+    def is_near(self, mesh: FaceMesh, poses: Array, least: float) -> bool:
+        """Whether nothing has moved since by as much as a `least` distance, unit frame."""
+        return np.array_equal(self.poses, poses) and largest_move(self.mesh, mesh) < least
 
 
 @dataclass
@@ -43,7 +58,8 @@ class Run:
     views: Views
     images: Images
     limit: int
-    _watched: dict[int, Seen] = field(default_factory=dict, init=False)  # by the limit; another run has its own
+    _seen: dict[int, Seen] = field(default_factory=dict, init=False)  # by the limit; another run has its own
+    _watched: dict[int, _Watched] = field(default_factory=dict, init=False)  # the same, of solids before this one
 
     @cached_property
     def scene(self) -> Scene:
@@ -53,21 +69,37 @@ class Run:
     def moved(self, state: State) -> "Run":
         """With surfaces moved, and mesh and structure behind them."""
         structure = move_structure(self.structure, state.surfaces)
-        return replace(self, state=state, structure=structure, mesh=follow(self.mesh, self.structure, state.surfaces))
+        run = replace(self, state=state, structure=structure, mesh=follow(self.mesh, self.structure, state.surfaces))
+        run._watched = dict(self._watched)
+        return run
 
     def observe(self, window: float, interior: float) -> tuple[Seen, Found]:
         """Measure all edges; a wide search needs fewer samples."""
         limit = self.limit if window <= WINDOWS[-1][0] else self.limit // _WIDE_SHARE
-        if limit not in self._watched:
-            self._watched[limit] = watch(self.mesh, self.scene, self.structure, self.state, self.views, limit)
-        seen = self._watched[limit]
+        if limit not in self._seen:
+            self._seen[limit] = self._watch(limit)
+        seen = self._seen[limit]
         return seen, measure(self.images, seen, window, interior)
+
+    def _watch(self, limit: int) -> Seen:
+        """All usable observations: those of a solid before, where nothing has moved since that could hide others."""
+        known, poses, least = self._watched.get(limit), self.state.poses, _SAME_PX * self.views.cameras.footprint()
+        if known is not None and known.is_near(self.mesh, poses, least):
+            rows, rays = followed(known.seen.rays, self.state.surfaces, self.views.cameras, poses)
+            return Seen(rays, known.seen.kind[rows])
+        seen = watch(self.mesh, self.scene, self.structure, self.state, self.views, limit)
+        self._watched[limit] = _Watched(seen, self.mesh, poses)
+        return seen
+
+    def outlined(self, settings: BrepSettings) -> Acceptance:
+        """The part of the acceptance test that is about edges and silhouettes."""
+        seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
+        masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
+        return judge(seen, found, self.structure, self.state.tone, masks, settings)
 
     def test(self, settings: BrepSettings) -> Acceptance:
         """The acceptance test."""
-        seen, found = self.observe(WINDOW_PX, WINDOW_PX / 2)
-        masks = compare_masks(self.scene, self.views.cameras, self.views.alpha, self.state.poses)
-        test = judge(seen, found, self.structure, self.state.tone, masks, settings)
+        test = self.outlined(settings)
         return judge_faces(test, self.scene, self.structure, self.views, self.state.poses, settings)
 
     def displaced(self) -> Displaced:

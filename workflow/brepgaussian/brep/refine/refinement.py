@@ -1,7 +1,7 @@
 """All surfaces together against the images: the outer loop."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -75,6 +75,7 @@ def refine(
     views: Views,
     settings: BrepSettings,
     held: frozenset[int] = frozenset(),
+    hopeless: Callable[[Acceptance], bool] = lambda _: False,
 ) -> RefineResult:
     """Refine all surfaces of a solid together, its topology kept.
 
@@ -87,11 +88,12 @@ def refine(
         views: images and cameras.
         settings: prior, limits, switches.
         held: surfaces that stay where they are: what the images show beside them is not theirs.
+        hopeless: of what is tested while no relations are kept: whether it isn't worth going on.
 
     Returns:
         The refined surfaces with the acceptance test; never worse than the start by that test.
     """
-    first = _refine(structure, mesh, surfaces, views, settings, held)
+    first = _refine(structure, mesh, surfaces, views, settings, held, hopeless)
     if first.accepted:
         return first
     limit = settings.accept_silhouette_px
@@ -99,7 +101,7 @@ def refine(
     if not merges:
         return first
     merged = move_structure(merge(structure, merges), surfaces)
-    second = _refine(merged, follow(mesh, merged, surfaces), surfaces, views, settings, held)
+    second = _refine(merged, follow(mesh, merged, surfaces), surfaces, views, settings, held, hopeless)
     if not second.accepted and not (second.silhouette_px < first.silhouette_px and second.mask_iou > first.mask_iou):
         return first
     result = list(second.surfaces)
@@ -121,6 +123,7 @@ def _refine(
     views: Views,
     settings: BrepSettings,
     held: frozenset[int],
+    hopeless: Callable[[Acceptance], bool],
 ) -> RefineResult:
     """The refinement of one structure."""
     clock = time.perf_counter()
@@ -129,10 +132,10 @@ def _refine(
     state = State(anchored, np.zeros(TONES), np.zeros((len(views.cameras), 3)))
     start = Run(structure, mesh, state, prior, views, prepare(views), settings.refine_observations)
     before = start.test(settings)
-    found = _solved(start, settings)
+    found = _solved(start, settings, hopeless)
     strayed = _strayed(found)
     if strayed:  # an edge that few samples show may have been taken for another one, and have drawn a floor with it
-        firm = _solved(replace(start, prior=replace(prior, held=held | strayed)), settings)
+        firm = _solved(replace(start, prior=replace(prior, held=held | strayed)), settings, hopeless)
         found = firm if _less_displaced(firm.after, found.after) else found
     run, after, ties, freed = found.run, found.after, found.ties, found.freed
     moved: frozenset[int] = frozenset()
@@ -184,10 +187,12 @@ class _Solved:
     freed: bool
 
 
-def _solved(start: Run, settings: BrepSettings) -> _Solved:
+def _solved(start: Run, settings: BrepSettings, hopeless: Callable[[Acceptance], bool]) -> _Solved:
     """All edges measured and all surfaces moved, first without relations, then with those that show."""
     run, last = descend(start, [], WINDOWS, False)
-    freed = False
+    after, freed = run.outlined(settings), False
+    if hopeless(after):  # as it is, it says as well as with relations what is wrong
+        return _Solved(run, after, [], False)
     if settings.refine_poses and _typical(run) > _POSE_PX:
         other, other_last = descend(run, [], WINDOWS[1:], True)
         if _typical(other) < _POSE_GAIN * _typical(run):

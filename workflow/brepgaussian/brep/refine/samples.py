@@ -97,12 +97,19 @@ def settle(samples: EdgeSamples, surfaces: Sequence[Surface]) -> EdgeSamples:
 def see_edges(samples: EdgeSamples, surfaces: Sequence[Surface], cameras: Cameras, poses: Array) -> Rays:
     """All pairs of a sample and a view where the edge is not seen end-on (visibility is not tested here)."""
     count, views = len(samples.points), len(cameras)
+    view, sample = np.repeat(np.arange(views), count), np.tile(np.arange(count), views)
+    return _see(samples, view, sample, surfaces, cameras, poses)[1]
+
+
+def _see(
+    samples: EdgeSamples, view: Indices, sample: Indices, surfaces: Sequence[Surface], cameras: Cameras, poses: Array
+) -> tuple[Indices, Rays]:
+    """Those of some pairs (R,) of a view and a sample where the edge is not seen end-on."""
     _, normals = evaluate(samples.points, samples.table, surfaces)
     tangent = np.cross(normals[:, 0], normals[:, 1])
     sine = np.linalg.norm(tangent, axis=1)
     tangent /= np.maximum(sine, 1e-12)[:, None]
-    view, sample = np.repeat(np.arange(views), count), np.tile(np.arange(count), views)
-    some = (sine > _TANGENT)[sample]
+    some = np.flatnonzero((sine > _TANGENT)[sample])
     view, sample = view[some], sample[some]
     pixel, jacobian = project(cameras, view, samples.points[sample])
     flow = np.einsum("rij,rj->ri", jacobian, tangent[sample])
@@ -116,7 +123,7 @@ def see_edges(samples: EdgeSamples, surfaces: Sequence[Surface], cameras: Camera
     gram = np.einsum("rki,rli->rkl", normals, normals) + _DAMPING * np.eye(2)
     lever = np.linalg.solve(gram[sample], np.einsum("rki,ri->rk", normals[sample], pull)[:, :, None])[:, :, 0]
     rays = Rays(view, samples.edge[sample], sample, samples.points[sample], samples.table[sample], pixel, normal, lever)
-    return _posed(rays, cameras, poses)
+    return some[keep], _posed(rays, cameras, poses)
 
 
 def see_contours(
@@ -136,6 +143,19 @@ def see_contours(
         empty, zero = np.zeros(0, np.int64), np.zeros((0, 2))
         return Rays(empty, empty, empty, np.zeros((0, 3)), np.zeros((0, 2), np.int64), zero, zero, zero)
     view, group, points, table = (np.concatenate([p[i] for p in parts]) for i in range(4))
+    return _turning_away(view, group, points, table, surfaces, cameras, poses)
+
+
+def _turning_away(
+    view: Indices,
+    group: Indices,
+    points: Array,
+    table: Indices,
+    surfaces: Sequence[Surface],
+    cameras: Cameras,
+    poses: Array,
+) -> Rays:
+    """Rays to points (R, 3) on the apparent contours of the surfaces (R, 2) that a table names first."""
     _, normals = evaluate(points, table, surfaces)
     pixel, jacobian = project(cameras, view, points)
     turned = np.einsum("rij,rj->ri", cameras.cam_from_unit[view][:, :3, :3], normals[:, 0])
@@ -196,6 +216,33 @@ def _onto_contour(points: Array, surface: Surface, centers: Array) -> Array:
         safe = np.where(np.abs(slope) > 1e-6, slope, np.inf)
         points = points - np.clip(value / safe, -0.02, 0.02)[:, None] * trace
     return surface.project(points)
+
+
+def followed(rays: Rays, surfaces: Sequence[Surface], cameras: Cameras, poses: Array) -> tuple[Indices, Rays]:
+    """Rays to the same samples after surfaces have moved a little, but for edges that are seen end-on now.
+
+    Returns:
+        (K,) their rows in `rays`, in order, and the rays with image normals that point to the same side as before.
+    """
+    edges, contours = np.flatnonzero(rays.sample >= 0), np.flatnonzero(rays.sample < 0)
+    _, first, sample = np.unique(rays.sample[edges], return_index=True, return_inverse=True)
+    one = edges[first]
+    samples = settle(EdgeSamples(rays.points[one], rays.table[one], rays.group[one]), surfaces)
+    kept, now = _see(samples, rays.view[edges], sample, surfaces, cameras, poses)
+    there = _moved_contours(rays.take(contours), surfaces, cameras, poses)
+    rows = np.concatenate([edges[kept], contours])
+    joined = Rays(**{k: np.concatenate([v, getattr(there, k)]) for k, v in vars(now).items()})
+    joined = replace(joined, sample=rays.sample[rows])
+    return rows, joined.turned(np.einsum("ri,ri->r", joined.normal, rays.normal[rows]) < 0)
+
+
+def _moved_contours(rays: Rays, surfaces: Sequence[Surface], cameras: Cameras, poses: Array) -> Rays:
+    """Rays to the nearest points of contours after surfaces have moved."""
+    points = rays.points.copy()
+    for index in np.unique(rays.table[:, 0]):
+        mine = np.flatnonzero(rays.table[:, 0] == index)
+        points[mine] = _onto_contour(points[mine], surfaces[index], cameras.centers[rays.view[mine]])
+    return _turning_away(rays.view, rays.group, points, rays.table, surfaces, cameras, poses)
 
 
 def project(cameras: Cameras, view: Indices, points: Array) -> tuple[Array, Array]:

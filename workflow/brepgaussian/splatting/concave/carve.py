@@ -291,11 +291,12 @@ def _contradicted(prism: Prism) -> bool:
 
 
 def _worse(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
-    """Whether views agree less about a hull where a hole that narrows has changed it.
+    """Whether views agree less about a hull where an opening that narrows has changed it.
 
-    The round side of a ring looks like the face around a countersunk hole, which silhouettes see through.
+    The round side of a ring looks like the face around a countersunk hole, which silhouettes see through, and the gaps
+    between the spokes of a wheel like a bowl.
     """
-    return bool(prism.draft and prism.through) and _disagree(images, hull, opened, prism)
+    return bool(prism.draft) and _disagree(images, hull, opened, prism)
 
 
 def _disagree(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:

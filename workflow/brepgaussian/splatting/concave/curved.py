@@ -97,12 +97,13 @@ def spot_around(members: Array, scene: Scene, cell: float, pitch: float, facing:
 
     None if nothing smooth surrounds them, or only a plane. Other arguments are those of `spots`.
     """
-    vertices, normals = scene.vertices, scene.normals
     center = members.mean(axis=0)
     radii, along = _extent(members - center, cell)
     reach = radii + (_REACH - 1) * radii.min() + _MARGIN_CELLS * pitch
     wide = reach + (np.sqrt(2) - 1) * reach.min()
-    normal = normals[cKDTree(vertices).query(members)[1]].mean(axis=0)
+    normal = scene.normals[scene.tree.query(members)[1]].mean(axis=0)
+    near = np.sort(scene.tree.query_ball_point(center, float(wide.max()) + cell))  # all that may be beside it
+    vertices, normals = scene.vertices[near], scene.normals[near]
     axes, local, height = np.eye(3), np.empty((0, 3)), None
     for _ in range(_TURNS):
         normal /= np.linalg.norm(normal)

@@ -50,14 +50,15 @@ class Scene:
         """(N,) signed distances of (N, 3) points where less than `reach`, infinite with their sign elsewhere."""
         if not len(points):
             return np.zeros(0, np.float32)
-        near = np.isfinite(self._tree.query(points, distance_upper_bound=reach + self._longest)[0])
+        near = np.isfinite(self.tree.query(points, distance_upper_bound=reach + self._longest)[0])
         distance = np.full(len(points), np.inf, np.float32)
         distance[near] = self.signed_distance(points[near])
         distance[~near] = np.where(self.inside(points[~near]), -np.inf, np.inf)
         return np.where(np.abs(distance) < reach, distance, np.copysign(np.inf, distance)).astype(np.float32)
 
     @cached_property
-    def _tree(self) -> cKDTree:
+    def tree(self) -> cKDTree:
+        """Of the vertices."""
         return cKDTree(self.vertices)
 
     @cached_property
