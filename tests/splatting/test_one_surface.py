@@ -36,9 +36,8 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     mouth = disc(0.3, 1.0, PITCH_PIXELS * views.cameras.footprint())
     wide = replace(mouth, through=True, draft=0.5, sink=0.1)
     opened = hull.without(wide, 0.02)
-    assert carve._worse(images, hull, opened, wide)
-    assert not carve._worse(images, hull, opened, replace(wide, draft=0.0))  # straight ones are judged by their rays
-    assert not carve._worse(images, hull, hull, wide)
+    assert carve._disagree(images, hull, opened, wide)
+    assert not carve._disagree(images, hull, hull, wide)
 
 
 @pytest.mark.parametrize(

@@ -53,3 +53,20 @@ def test_floors_of_blind_holes_lie_where_they_are(tmp_path, radius, depth, port)
     assert set(depths) == {1, -1}
     assert abs(depths[1] - depth) < 0.1
     assert abs(depths[-1] - 7.5) < 0.1
+
+
+def test_holes_that_go_on_narrower_end_in_a_shoulder(tmp_path):
+    """Into a bore across, so that nothing shows through."""
+    low = (Align.CENTER, Align.CENTER, Align.MIN)
+    block = Box(66, 34, 30, align=low) - Pos(0, 0, 14) * Rot(0, 90, 0) * Cylinder(6.5, 66)
+    for x in (-17, 17):
+        block -= Pos(x, 0, 14) * Cylinder(4.5, 16, align=low) + Pos(x, 0, 25) * Cylinder(7.5, 5, align=low)
+    views, _ = rendered(tmp_path, block, 50, 800)
+    hull, _ = carve(views, 128, concavities=True)
+    above = [p for p in hull.prisms if p.lattice.normal[2] > 0.99]
+    wide = [p for p in above if p.area * 66**2 > 140]
+    narrow = [p for p in above if p.area * 66**2 < 80]
+    assert len(wide) == len(narrow) == 2
+    assert all(abs(p.depth * 66 - 5) < 0.25 for p in wide)
+    assert all(abs(np.sqrt(p.area * 66**2 / np.pi) - 4.5) < 0.3 for p in narrow)
+    assert all(p.depth * 66 > 5 for p in narrow)  # down to the bore, at least

@@ -36,9 +36,11 @@ from brepgaussian.splatting.concave.walls import agreed, drawn
 _LEVELS = 3
 _GAIN = 0.9  # of the views' disagreement is left at most by an opening in a curved face
 _LEAST_RAYS = 100  # that tell, for them to judge
+_FEW_RAYS = 30  # that refuse what they like much less
 _REFUTED = 1.0  # tolerances by which views differ about a surface that is none (openings that are true: up to .92),
 _SURE = 2.0  # and standard errors more, of rays that err by a tolerance each
-_LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8)
+_LOSS = 1.2  # times the views' disagreement left by a hole that is none (in a ring 1.4-1.8, in bores .35-.8),
+_LOSS_OF_FEW = 2.0  # where few rays tell
 _CHANGED_VOXELS = 0.5  # by as much a ray ends elsewhere in such a hole
 _MUCH_DEEPER = 4.0  # cells: floors and tops that views take for each other are farther apart
 _WALLED = 0.45  # of rays agree about what a hole would come out in: at true ends up to .26, at a slot's floor .65
@@ -104,6 +106,9 @@ def open_concavities(
         for k in sorted(fresh, key=lambda k: known[k].through):  # what is blind may be what a hole leads to
             if k not in ends:
                 known[k] = sounded(images, scene, shortened(images, hull, known[k], margins[k]))
+                if known[k].step and level < _LEVELS - 1:
+                    known[k], rest = known[k].parted()
+                    below.append(rest)
                 if known[k].islands:  # of a pocket that was found around them
                     hull = _whole(hull, uncut, known, k, done)
                 else:
@@ -111,7 +116,7 @@ def open_concavities(
                 if known[k].islands:
                     known[k], hull = _sounded_again(images, scene, hull, uncut, known, k, done)
             opened = hull.without(known[k], margins[k])
-            if k < len(before) or not (_contradicted(known[k]) or _worse(images, hull, opened, known[k])):
+            if k < len(before) or not (_contradicted(known[k]) or _disagree(images, hull, opened, known[k])):
                 hull = opened
                 done.append(k)
             else:
@@ -290,19 +295,14 @@ def _contradicted(prism: Prism) -> bool:
     return wrong
 
 
-def _worse(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
-    """Whether views agree less about a hull where an opening that narrows has changed it.
-
-    The round side of a ring looks like the face around a countersunk hole, which silhouettes see through, and the gaps
-    between the spokes of a wheel like a bowl.
-    """
-    return bool(prism.draft) and _disagree(images, hull, opened, prism)
-
-
 def _disagree(images: Images, hull: Volume, opened: Volume, prism: Prism) -> bool:
-    """Whether views agree less about a hull that a concavity was cut into, where that has changed it."""
+    """Whether views agree less about a hull that a concavity was cut into, where that has changed it.
+
+    The round side of a ring looks like the face around a countersunk hole, which silhouettes see through, the gaps
+    between the spokes of a wheel like a bowl, and in a bore's wall a keyway that shows through like a hole.
+    """
     old, new, count = disagreements(images, hull.scene(), opened.scene(), _CHANGED_VOXELS * hull.spacing)
-    worse = count >= _LEAST_RAYS and new > _LOSS * old
+    worse = count >= _FEW_RAYS and new > (_LOSS if count >= _LEAST_RAYS else _LOSS_OF_FEW) * old
     if worse:
         logger.info(
             "opening of area %.4f: views disagree by %.2f for %.2f of the hull, %d rays: not believed",

@@ -17,6 +17,7 @@ from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.rays import Rays, exits
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import SURE, Opening, Shape
+from brepgaussian.splatting.concave.shoulders import is_round
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,12 @@ _FINER = 2  # cells for one
 _NEAR_CELLS = 3.0  # by which a floor is moved where views agree better; farther only where they surely do
 _AROUND_CELLS = 6  # of the face around the opening
 _BLUR_CELLS = 1.0  # around what stands on a floor
-_RAYS, _FINAL_RAYS = 60_000, 240_000
+_FEW_RAYS, _RAYS, _FINAL_RAYS = 8_000, 60_000, 240_000
+_NARROWER = np.linspace(0.35, 0.8, 10)  # of its radius, that a hole may go on with below a shoulder,
+_NEAR_SHARES = np.linspace(-0.05, 0.05, 5)  # about the best of these
+_STEPS = np.linspace(0.7, 1.1, 9)  # of the depth of a flat floor, that this may have,
+_DEEPER = 2.0  # times that depth, at least, it goes on to
+_LESS = 0.9  # of the disagreement on a flat floor is left at most
 _RATIO = 1.06  # of the depths that are tried,
 _NEAR_RATIO, _NEAR = 1.01, 9  # of those about the best one, and how many to both sides
 
@@ -32,7 +38,7 @@ logger = log.get_logger("stage1")
 
 
 def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
-    """A blind concavity with a flat floor and drawn walls, as deep as views agree best along these.
+    """A blind concavity with a flat floor and drawn walls, as deep as views agree best along these, or with a shoulder.
 
     Args:
         images: of all views.
@@ -43,20 +49,28 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
     bare = replace(prism, islands=())
     if bare.section is None or not is_plain(bare) or is_narrow(bare.outline):
         return prism
-    looked = along_walls(images, scene, prism, (_RAYS, _FINAL_RAYS))
+    looked = along_walls(images, scene, prism, (_FEW_RAYS, _RAYS, _FINAL_RAYS))
     if looked is None:
         return prism
-    pitch, (opening, full) = looked
+    pitch, (few, opening, full) = looked
     depths = opening.deepest / _RATIO ** np.arange(np.log(opening.deepest / opening.shallowest) // np.log(_RATIO))
     shapes = [Shape(float(depth)) for depth in depths[::-1]]
     costs = {shape: opening.costs(shape) for shape in shapes}
     sure = opening.simplest(shapes, costs)
     likely = [s for s in shapes if opening.advantage(costs[sure], costs[s]) >= 0]
     best = min(likely, key=lambda shape: opening.score(shape)[0])
+    old = Shape(prism.depth / pitch)
+    narrower = None if prism.islands else _narrower(few, opening, old, best)
+    if narrower is not None:
+        depth, step, sink = narrower.depth * pitch, narrower.step * pitch, narrower.sink * pitch
+        logger.info(
+            "opening of area %.4f: shoulder %.4f deep and %.4f wide, no floor %.4f deep",
+            prism.area, step, sink, prism.depth,
+        )  # fmt: skip
+        return replace(prism, depth=depth, step=step, sink=sink, endless=True)
     near = best.depth * _NEAR_RATIO ** np.arange(-_NEAR, _NEAR + 1.0)
     best = min((Shape(float(d)) for d in near if d <= opening.deepest), key=lambda shape: full.score(shape)[0])
     told = full.advantage(full.costs(shapes[-1]), full.costs(best)) >= SURE
-    old = Shape(prism.depth / pitch)
     far = abs(best.depth - old.depth) > _NEAR_CELLS
     if far and full.advantage(full.costs(old), full.costs(best)) <= SURE:
         return prism
@@ -69,6 +83,34 @@ def sounded(images: Images, scene: Scene, prism: Prism) -> Prism:
         return prism
     islands = (replace(island, depth=island.depth + depth - prism.depth) for island in prism.islands)
     return replace(prism, depth=depth, endless=False, islands=tuple(i for i in islands if i.depth > 0))
+
+
+def _narrower(few: Opening, opening: Opening, old: Shape, best: Shape) -> Shape | None:
+    """A round hole that goes on narrower below about its `old` floor, where that surely explains the rays better.
+
+    Few rays meet the shoulder that is left of a floor, and those that look past it contradict it; one opening with two
+    numbers of rays. It has to beat the `best` flat floor, too.
+    """
+    if not is_round(opening.outline):
+        return None
+    radius, deeper = opening.middle[1], Shape(max(best.depth, _DEEPER * old.depth))
+    if deeper.depth > opening.deepest:
+        return None
+    tried = [
+        replace(deeper, step=float(step * old.depth), sink=float(radius * (1 - share)))
+        for share in _NARROWER
+        for step in _STEPS
+        if step * old.depth >= opening.shallowest
+    ]
+    found = min(tried, key=lambda shape: few.score(shape)[0], default=None)
+    if found is None:
+        return None
+    near = found.sink + radius * _NEAR_SHARES
+    found = min((replace(found, sink=float(sink)) for sink in near), key=lambda shape: opening.score(shape)[0])
+    costs = opening.costs(found)
+    beaten = (opening.advantage(opening.costs(flat), costs) >= SURE for flat in (old, best))
+    less = opening.score(found)[0] < _LESS * min(opening.score(flat)[0] for flat in (old, best))
+    return found if less and all(beaten) else None
 
 
 def is_plain(prism: Prism) -> bool:
