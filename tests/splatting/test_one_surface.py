@@ -41,6 +41,22 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("said", "refused"),
+    [
+        ((0.29, 0.36, 164), True),  # a slit across a bore, through which the keyway at its other side showed
+        ((0.28, 1.24, 75), True),  # a hole that leans, few rays
+        ((0.28, 0.50, 75), False),
+        ((0.28, 1.24, 20), False),  # too few
+        ((0.30, 0.35, 200), False),
+        ((2.00, 0.31, 14571), False),
+    ],
+)
+def test_an_opening_that_views_like_less_is_not_cut(monkeypatch, said, refused):
+    monkeypatch.setattr(carve, "disagreements", lambda *_: said)
+    assert carve._disagree(None, BLOCK, BLOCK, disc(0.3, 1.0, 0.01)) == refused
+
+
+@pytest.mark.parametrize(
     ("said", "floor_told", "expected"),
     [
         ((1.05, 1.36, 51), False, False),  # few rays, which refute what was opened as well

@@ -68,7 +68,7 @@ def make_points(
     quick = replace(settings, shared_models=False)  # others are not published, only tried
     others = [_bordered(gathered, other, views, edges, quick)[0] for other in _others(gathered, first, settings)]
     if far:  # a border that is none may have drawn faces to it
-        others.insert(0, _bordered(gathered, first, views, edges, settings, FEWER)[0])
+        others.insert(0, _bordered(gathered, first, views, edges, quick, FEWER)[0])
     write_points(out_path, points, others)
     return points
 
