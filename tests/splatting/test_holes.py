@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brepgaussian.splatting.concave import carve, find, shorten
+from brepgaussian.splatting.concave import believed, carve, find, shorten
 from brepgaussian.splatting.concave.columns import cuts
 from brepgaussian.splatting.concave.join import in_line, joined, opposite, square_ends, told_once
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
@@ -235,7 +235,7 @@ def test_views_judge_openings_in_curved_faces(monkeypatch, said, opened):
     monkeypatch.setattr(carve, "find_curved", lambda *_: [across])
     monkeypatch.setattr(carve, "counterbored", lambda *_: [])
     monkeypatch.setattr(carve, "drawn", lambda images, scene, hull, prism, margin: prism)
-    monkeypatch.setattr(carve, "disagreements", lambda *_: said)
+    monkeypatch.setattr(believed, "disagreements", lambda *_: said)
     hull, known, _ = carve.open_concavities(None, shaft)
     assert len(known) == opened
     assert (hull.scene().signed_distance(np.array([[0.5, 0.5, 0.6]]))[0] > 0) == opened

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from blocks import BLOCK, GRID, SPACING, disc
-from brepgaussian.splatting.concave import Images, carve
+from brepgaussian.splatting.concave import Images, believed
 from brepgaussian.splatting.concave.agreement import one_surface
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS
 from build123d import Align, Box, Cylinder, Pos
@@ -36,8 +36,8 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     mouth = disc(0.3, 1.0, PITCH_PIXELS * views.cameras.footprint())
     wide = replace(mouth, through=True, draft=0.5, sink=0.1)
     opened = hull.without(wide, 0.02)
-    assert carve._disagree(images, hull, opened, wide)
-    assert not carve._disagree(images, hull, hull, wide)
+    assert believed.disliked(images, hull, opened, wide)
+    assert not believed.disliked(images, hull, hull, wide)
 
 
 @pytest.mark.parametrize(
@@ -52,8 +52,8 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     ],
 )
 def test_an_opening_that_views_like_less_is_not_cut(monkeypatch, said, refused):
-    monkeypatch.setattr(carve, "disagreements", lambda *_: said)
-    assert carve._disagree(None, BLOCK, BLOCK, disc(0.3, 1.0, 0.01)) == refused
+    monkeypatch.setattr(believed, "disagreements", lambda *_: said)
+    assert believed.disliked(None, BLOCK, BLOCK, disc(0.3, 1.0, 0.01)) == refused
 
 
 @pytest.mark.parametrize(
@@ -71,6 +71,6 @@ def test_an_opening_that_views_like_less_is_not_cut(monkeypatch, said, refused):
     ],
 )
 def test_few_rays_do_not_judge_an_opening_unless_they_refute_it(monkeypatch, said, floor_told, expected):
-    monkeypatch.setattr(carve, "disagreements", lambda *_: said)
+    monkeypatch.setattr(believed, "disagreements", lambda *_: said)
     mouth = disc(0.3, 1.0, 0.01)
-    assert carve._agreeable(None, None, None, mouth, 0.01, floor_told) is expected
+    assert believed.agreeable(None, None, None, mouth, 0.01, floor_told) is expected
