@@ -53,8 +53,9 @@ class Scene:
 
     def hit(self, centers: Array, directions: Array) -> tuple[Indices, Array]:
         """(R,) triangle that each ray hits first (-1: none) and (R,) distance along its unit direction."""
-        rays = self._tensor(np.concatenate([centers, directions], axis=1).astype(np.float32))
-        answer = self._scene.cast_rays(rays, nthreads=1)
+        rays = np.empty((len(centers), 6), np.float32)
+        rays[:, :3], rays[:, 3:] = centers, directions
+        answer = self._scene.cast_rays(self._tensor(rays), nthreads=1)
         distance = answer["t_hit"].numpy().astype(np.float64)
         triangle = answer["primitive_ids"].numpy().astype(np.int64)
         return np.where(np.isfinite(distance), triangle, _NOTHING), distance

@@ -71,13 +71,13 @@ class Scene:
         """(N,) whether rays from (N, 3) origins along (N, 3) unit directions hit anything."""
         if not len(origins):
             return np.zeros(0, bool)
-        return self._scene.test_occlusions(_tensor(np.column_stack([origins, directions]), np.float32)).numpy()
+        return self._scene.test_occlusions(_rays(origins, directions)).numpy()
 
     def distances(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.float32]:
         """(N,) how far rays from (N, 3) origins along (N, 3) unit directions go, infinite where nothing is hit."""
         if not len(origins):
             return np.zeros(0, np.float32)
-        return self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))["t_hit"].numpy()
+        return self._scene.cast_rays(_rays(origins, directions))["t_hit"].numpy()
 
     def hits(
         self, origins: NDArray[np.floating], directions: NDArray[np.floating]
@@ -85,7 +85,7 @@ class Scene:
         """(N,) distance to the first crossing of rays with the mesh, infinite where there is none; (N, 3) normals."""
         if not len(origins):
             return np.zeros(0, np.float32), np.zeros((0, 3), np.float32)
-        found = self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))
+        found = self._scene.cast_rays(_rays(origins, directions))
         return found["t_hit"].numpy(), found["primitive_normals"].numpy()
 
     def seen(
@@ -94,7 +94,7 @@ class Scene:
         """(H,) rays that hit the mesh, (H, 3) where, and (H, 3) the smooth unit normals there; arguments as above."""
         if not len(origins):
             return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))
-        found = self._scene.cast_rays(_tensor(np.column_stack([origins, directions]), np.float32))
+        found = self._scene.cast_rays(_rays(origins, directions))
         distance = found["t_hit"].numpy()
         ray = np.flatnonzero(np.isfinite(distance))
         second, third = found["primitive_uvs"].numpy()[ray].astype(np.float64).T
@@ -110,8 +110,14 @@ class Scene:
         """(H,) ray and (H,) distance of every crossing of (N, 3) rays with the mesh, in the order of the rays."""
         if not len(origins):  # Open3D crashes without rays
             return np.zeros(0, np.int64), np.zeros(0)
-        found = self._scene.list_intersections(_tensor(np.column_stack([origins, directions]), np.float32))
+        found = self._scene.list_intersections(_rays(origins, directions))
         return found["ray_ids"].numpy().astype(np.int64), found["t_hit"].numpy().astype(np.float64)
+
+
+def _rays(origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Any:
+    rays = np.empty((len(origins), 6), np.float32)  # at once: millions of rays are cast
+    rays[:, :3], rays[:, 3:] = origins, directions
+    return _tensor(rays, np.float32)
 
 
 def _tensor(array: NDArray[Any], dtype: type) -> Any:
