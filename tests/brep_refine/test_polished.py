@@ -17,6 +17,7 @@ from brepgaussian.settings.brep import BrepSettings
         (0.12, (), (), True),
         (0.02, (), ("patch 3 is explained to 0%",), True),
         (0.12, ("2.2% of the area",), (), False),
+        (0.14, (), ("patch 15 is explained to 0%",), False),  # a bore was cut askew
         (0.02, ("2.2% of the area",), ("patch 3 is explained to 0%",), False),
     ],
 )

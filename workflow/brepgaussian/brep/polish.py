@@ -120,8 +120,8 @@ def _polished(
     shown = shown_edges(structure, test.edges, footprint, {b.patch for b in job.blends})
     figures = _figures(test)
     off = test.silhouette_px > job.settings.accept_silhouette_px
-    if attempt.verdict.hints and (off or attempt.verdict.doubts):
-        # few samples alone may excuse such an edge, and images a patch left out; but not where points are missing, too
+    if sum(map(bool, (off, attempt.verdict.doubts, attempt.verdict.hints))) > 1:
+        # few samples alone may excuse such an edge, and images a patch left out or missing points; but no two at once
         figures["accepted"] = False
     return Polished(attempt, figures | notes, shown, places)
 
