@@ -8,7 +8,7 @@ from brepgaussian.splatting.concave import sweep, widening
 from brepgaussian.splatting.concave.columns import Cut, cuts, holes
 from brepgaussian.splatting.concave.contours import Chords
 from brepgaussian.splatting.concave.prism import Lattice, Prism
-from brepgaussian.splatting.concave.sweep import _apart, _filling
+from brepgaussian.splatting.concave.sweep import _filling
 from brepgaussian.splatting.concave.volume import Volume
 
 SPACING = 1 / 100
@@ -112,24 +112,6 @@ def test_a_section_loses_the_brim_that_silhouettes_need(brim, deep, kept):
         assert not left[:39].any()
         assert not left[61:].any()
         assert (left & outline).sum() > 0.95 * outline.sum()
-
-
-def test_of_columns_in_one_another_the_shortest_is_cut_with_others():
-    """Between a recess and a slot, and between a face on the way and the slot; and others beside and below them."""
-    frame = np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), UP
-
-    def cut(rows: slice, top: float, depth: float) -> Cut:
-        outline = np.zeros((40, 40), bool)
-        outline[rows, 10:20] = True
-        lattice = Lattice(np.array([0, 0, top]), *frame, 0.02, outline.shape)
-        return Cut((Prism(lattice, outline, depth, False, 0.0),), 1e3, True)
-
-    long, short = cut(slice(5, 15), 0.9, 0.6), cut(slice(8, 12), 0.9, 0.3)
-    beside, below = cut(slice(20, 30), 0.9, 0.6), cut(slice(8, 12), 0.5, 0.3)
-    found = _apart([long, beside, short, below])
-    assert len(found) == 3
-    assert all(a is b for a, b in zip(found, [beside, short, below], strict=True))
-    assert [c is long for c in _apart([long, beside])] == [True, False]
 
 
 def test_a_channel_goes_on_past_a_slot_across_it():

@@ -190,22 +190,10 @@ def _possible(chords: Chords, samples: Array, cuts: list[Cut]) -> list[Cut]:
     """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
     kept = [c for cut in largest if (c := _filling(chords, samples, cut)) is not None]
-    ends = _apart([c for c in kept if c.at_ends])
+    ends = [c for c in kept if c.at_ends]
     if len(ends) > 1:
         kept.append(Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
     return [c for c in kept if c.volume >= LEAST_VOLUME_VOXELS]
-
-
-def _apart(ends: Sequence[Cut]) -> list[Cut]:
-    """Cuts that have no columns in common: of those that do, the shortest, as what is true of it says little of others.
-
-    Past a bore between a recess and a slot, columns are empty at both of its ends, and at the recess's and the slot's.
-    """
-    kept: list[Cut] = []
-    for cut in sorted(ends, key=lambda c: c.prisms[0].depth):
-        if not any(_share(cut.prisms[0], other.prisms[0]) for other in kept):
-            kept.append(cut)
-    return [cut for cut in ends if any(cut is other for other in kept)]
 
 
 def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:
