@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, from_solid, merged, slave
 from brepgaussian.brep.refine.parameters import derivative
-from brepgaussian.brep.refine.samples import EdgeSamples, Rays, followed, project, see_contours, see_edges, settle
+from brepgaussian.brep.refine.samples import EdgeSamples, followed, project, see_contours, see_edges, settle
 from brepgaussian.brep.structure import Face, Structure
 from brepgaussian.geometry.surfaces import cylinder, plane, sphere, torus
 from refine_support import look_at_cameras, perturbed
@@ -43,9 +43,7 @@ def test_rays_follow_surfaces_that_move_a_little():
     edges = see_edges(samples, (ball, lid), cameras, poses)
     mesh, structure = _mesh_of(ball, _sphere_grid(np.full(3, 0.5)))
     contours = see_contours(mesh, structure, (ball, lid), cameras, poses, 0.02)
-    before = Rays(**{k: np.concatenate([v, getattr(contours, k)]) for k, v in vars(edges).items()}).turned(
-        np.arange(len(edges.view) + len(contours.view)) % 2 == 0
-    )
+    before = edges.joined(contours).turned(np.arange(len(edges.view) + len(contours.view)) % 2 == 0)
     rows, after = followed(before, moved, cameras, poses)
     anew = see_edges(settle(samples, moved), moved, cameras, poses)
     assert len(rows) == len(before.view)

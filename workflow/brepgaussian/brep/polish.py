@@ -61,7 +61,8 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
 
     log, settings = get_logger("brep"), job.settings
     best: Polished | None = None
-    footprint, lost = views.cameras.footprint(), partial(_is_hopeless, hopeless=hopeless, settings=settings)
+    footprint = views.cameras.footprint()
+    lost = partial(_is_hopeless, hopeless=hopeless, settings=settings) if np.isfinite(hopeless) else None
     try:
         structure, mesh = inspect(worker, attempt, settings)
         if not settings.refine:
@@ -80,7 +81,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
             if best is None:
                 notes = {"refined": False, "refinement": details | _tables(result.before)}
                 best = _polished(attempt, notes, structure, result.before, job, footprint)
-            if not result.report["kept"] or lost(result.acceptance):
+            if not result.report["kept"] or (lost is not None and lost(result.acceptance)):
                 break
             rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
             if isinstance(rebuilt, str):

@@ -117,8 +117,7 @@ def watch(mesh: FaceMesh, scene: Scene, structure: Structure, state: State, view
     samples = edge_samples(structure, state.surfaces, len(views.cameras), limit)
     rays = see_edges(samples, state.surfaces, views.cameras, state.poses)
     contours = see_contours(mesh, structure, state.surfaces, views.cameras, state.poses, 2 * SPACING)
-    joined = type(rays)(**{k: np.concatenate([v, getattr(contours, k)]) for k, v in vars(rays).items()})
-    return classify(joined, scene, structure, views.cameras, state.poses)
+    return classify(rays.joined(contours), scene, structure, views.cameras, state.poses)
 
 
 def judge(

@@ -63,21 +63,17 @@ class Tie:
 
 def _apart(surfaces: Sequence[Surface], near: Array) -> float:
     """By how much four surfaces miss a common point: their distances from the nearest one, where these balance."""
-    point = _nearest(surfaces, near)
-    off = np.array([s.signed_distance(point)[0] for s in surfaces])
-    balance = _balance(surfaces, point)
-    return float(balance @ off)
+    return _balanced(surfaces, near)[2]
 
 
-def _nearest(surfaces: Sequence[Surface], near: Array) -> Array:
-    """(1, 3) point where the distances of some surfaces balance, about a place (3,)."""
-    return slave(near[None], np.arange(len(surfaces))[None], surfaces)
-
-
-def _balance(surfaces: Sequence[Surface], point: Array) -> Array:
-    """(4,) unit weights with which the normals at a point (1, 3) add up to nothing."""
+def _balanced(surfaces: Sequence[Surface], near: Array) -> tuple[Array, Array, float]:
+    """Of four surfaces, about a place (3,): the point (1, 3) where their distances balance, (4,) unit weights with
+    which their normals there add up to nothing, and the sum of the distances with these weights.
+    """
+    point = slave(near[None], np.arange(len(surfaces))[None], surfaces)
     balance = np.linalg.svd(np.concatenate([s.normals(point) for s in surfaces]))[0][:, -1]
-    return balance * np.sign(balance[np.argmax(np.abs(balance))])
+    balance = balance * np.sign(balance[np.argmax(np.abs(balance))])
+    return point, balance, float(balance @ np.array([s.signed_distance(point)[0] for s in surfaces]))
 
 
 # Each value is taken in the frame u, v of the first surface before any step, held fixed for derivatives.
@@ -273,10 +269,9 @@ def tie_rows(ties: Sequence[Tie], surfaces: Sequence[Surface]) -> list[Row]:
 def _corner_row(tie: Tie, surfaces: Sequence[Surface]) -> Row:
     """The same of a corner: its place slides along all faces, so that to first order only their distances change."""
     members = [surfaces[i] for i in tie.members]
-    point = _nearest(members, np.array(tie.near))
-    balance, off = _balance(members, point), np.array([s.signed_distance(point)[0] for s in members])
+    point, balance, apart = _balanced(members, np.array(tie.near))
     parts = (b * derivative(s, point)[0] for b, s in zip(balance, members, strict=True))
-    return dict(zip(tie.members, parts, strict=True)), float(balance @ off)
+    return dict(zip(tie.members, parts, strict=True)), apart
 
 
 def tangent_rows(structure: Structure, surfaces: Sequence[Surface]) -> list[Row]:

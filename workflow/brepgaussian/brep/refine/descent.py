@@ -30,8 +30,8 @@ _WIDE_SHARE = 4  # of the observations is enough while windows are wide
 _SETTLED = 1e-3  # of the prior's sigma: 3e-6 of the unit frame
 _SOUNDINGS = 8  # rounds with depths, each of which halves what is left of the error,
 _STILL = 1e-4  # unit frame, a twentieth of a pixel: until no vertex moves by more
-_SAME_PX = 0.05  # by which the triangulation is off anyway: edges that moved by less are as visible as they were
 _SETTLING = 0.9  # of a round's largest move is that of the next, or there is more amiss than depths
+_SAME_PX = 0.05  # by which the triangulation is off anyway: edges that moved by less are as visible as they were
 
 
 @dataclass(frozen=True)

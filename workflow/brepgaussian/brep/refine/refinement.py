@@ -75,7 +75,7 @@ def refine(
     views: Views,
     settings: BrepSettings,
     held: frozenset[int] = frozenset(),
-    hopeless: Callable[[Acceptance], bool] = lambda _: False,
+    hopeless: Callable[[Acceptance], bool] | None = None,
 ) -> RefineResult:
     """Refine all surfaces of a solid together, its topology kept.
 
@@ -88,7 +88,7 @@ def refine(
         views: images and cameras.
         settings: prior, limits, switches.
         held: surfaces that stay where they are: what the images show beside them is not theirs.
-        hopeless: of what is tested while no relations are kept: whether it isn't worth going on.
+        hopeless: of what is tested while no relations are kept: whether it isn't worth going on; None = it always is.
 
     Returns:
         The refined surfaces with the acceptance test; never worse than the start by that test.
@@ -123,7 +123,7 @@ def _refine(
     views: Views,
     settings: BrepSettings,
     held: frozenset[int],
-    hopeless: Callable[[Acceptance], bool],
+    hopeless: Callable[[Acceptance], bool] | None,
 ) -> RefineResult:
     """The refinement of one structure."""
     clock = time.perf_counter()
@@ -187,12 +187,14 @@ class _Solved:
     freed: bool
 
 
-def _solved(start: Run, settings: BrepSettings, hopeless: Callable[[Acceptance], bool]) -> _Solved:
+def _solved(start: Run, settings: BrepSettings, hopeless: Callable[[Acceptance], bool] | None) -> _Solved:
     """All edges measured and all surfaces moved, first without relations, then with those that show."""
     run, last = descend(start, [], WINDOWS, False)
-    after, freed = run.outlined(settings), False
-    if hopeless(after):  # as it is, it says as well as with relations what is wrong
-        return _Solved(run, after, [], False)
+    if hopeless is not None:
+        test = run.outlined(settings)
+        if hopeless(test):  # as it is, it says as well as with relations what is wrong
+            return _Solved(run, test, [], False)
+    freed = False
     if settings.refine_poses and _typical(run) > _POSE_PX:
         other, other_last = descend(run, [], WINDOWS[1:], True)
         if _typical(other) < _POSE_GAIN * _typical(run):

@@ -63,6 +63,10 @@ class Rays:
         """The rows of an index or a mask."""
         return Rays(**{name: value[rows] for name, value in vars(self).items()})
 
+    def joined(self, other: "Rays") -> "Rays":
+        """These, then those of another."""
+        return Rays(**{name: np.concatenate([value, getattr(other, name)]) for name, value in vars(self).items()})
+
     def turned(self, rows: NDArray) -> "Rays":
         """With the opposite image normal where (R,) `rows` is true."""
         sign = np.where(rows, -1.0, 1.0)[:, None]
@@ -231,8 +235,7 @@ def followed(rays: Rays, surfaces: Sequence[Surface], cameras: Cameras, poses: A
     kept, now = _see(samples, rays.view[edges], sample, surfaces, cameras, poses)
     there = _moved_contours(rays.take(contours), surfaces, cameras, poses)
     rows = np.concatenate([edges[kept], contours])
-    joined = Rays(**{k: np.concatenate([v, getattr(there, k)]) for k, v in vars(now).items()})
-    joined = replace(joined, sample=rays.sample[rows])
+    joined = replace(now.joined(there), sample=rays.sample[rows])
     return rows, joined.turned(np.einsum("ri,ri->r", joined.normal, rays.normal[rows]) < 0)
 
 

@@ -59,15 +59,16 @@ def stepped(scene: Scene, structure: Structure, shown: Shown, poses: Array) -> f
         there, away = scene.cast(*look(shown.views.cameras, at[kept, 0], aside, poses))
         whole &= (there == face) & (np.abs(away - far) < _SLOPE * _CLEAR_PX * footprint)
     place = np.floor(points[whole] / (_PLACE_PX * footprint)).astype(np.int64)
-    seen = distinct(np.column_stack([place, face[whole], at[kept[whole], 0]]))[0]  # (S, 5) places and who sees them
-    found, _, views = distinct(seen[:, :4])
+    found, which, _ = distinct(np.column_stack([place, face[whole]]))  # (P, 4) places
+    views = np.bincount(distinct(np.column_stack([which, at[kept[whole], 0]]))[0][:, 0], minlength=len(found))
     some = np.flatnonzero(views >= _LEAST_VIEWS)
-    _, first = np.unique(distinct(np.column_stack([place, face[whole]]))[1], return_index=True)
-    one = np.flatnonzero(whole)[first[some]]  # a point of each place
+    if not len(some):
+        return 0.0
+    one = np.flatnonzero(whole)[np.unique(which, return_index=True)[1][some]]  # a point of each
     sighted = watching(scene, points[one], scene.normals[triangle[kept[one]]], shown)
     most = views[some] >= _LEAST_SHARE * sighted
     area = largest_areas(found[some[most]], len(structure.faces))
-    return float(area.max(initial=0)) * _PLACE_PX**2
+    return float(area.max()) * _PLACE_PX**2
 
 
 def watching(scene: Scene, places: Array, normals: Array, shown: Shown) -> Indices:

@@ -74,9 +74,9 @@ def agreeable(
     old, new, count = said = disagreements(images, before, after, reach)
     refuted = new > _REFUTED + _SURE / np.sqrt(max(count, 1))
     untold = new <= old or not (floor_told or refuted)
-    agreeable = better(said, _GAIN, _LEAST_RAYS, untold)
+    good = better(said, _GAIN, _LEAST_RAYS, untold)
     logger.info(
         "opening of area %.4f, as far as told: views disagree by %.2f for %.2f of the hull, %d rays%s",
-        prism.area, new, old, count, "" if agreeable else ": not believed",
+        prism.area, new, old, count, "" if good else ": not believed",
     )  # fmt: skip
-    return agreeable
+    return good

@@ -43,7 +43,13 @@ class Volume:
         return np.asarray(np.array(np.meshgrid(*spans)).reshape(3, -1).T)
 
     def mesh(self) -> tuple[Array, NDArray[np.int64]]:
-        """Vertices (K, 3) and triangles (T, 3) of its surface, counter-clockwise seen from outside."""
+        """Vertices (K, 3) and triangles (T, 3) of its surface, counter-clockwise seen from outside; not to be changed:
+        they are kept, since one hull is asked about many cuts.
+        """
+        return self._mesh
+
+    @cached_property
+    def _mesh(self) -> tuple[Array, NDArray[np.int64]]:
         from skimage.measure import marching_cubes
 
         vertices, triangles, _, _ = marching_cubes(self.field, 0.0, gradient_direction="ascent")
