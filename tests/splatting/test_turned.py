@@ -65,7 +65,7 @@ def test_a_groove_around_a_ring_is_emptied(tmp_path):
         return hull, []
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("brepgaussian.splatting.hull.open_channels", look)
+        patch.setattr("brepgaussian.splatting.opened.open_channels", look)
         carve(views, 96, 1, True)
     faces = range(len(truth.face_types))
     before, after = ([found[key][truth.point_face == f].mean() for f in faces] for key in ("before", "after"))

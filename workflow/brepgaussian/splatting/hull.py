@@ -10,32 +10,13 @@ from numpy.typing import NDArray
 from brepgaussian.artifacts.views import Views
 from brepgaussian.errors import StageError
 from brepgaussian.geometry.cameras import Cameras
-from brepgaussian.splatting.concave import (
-    Bend,
-    Images,
-    Plane,
-    Prism,
-    open_alike,
-    open_channels,
-    open_concavities,
-    open_corners,
-    open_curved,
-    open_feet,
-    open_grooves,
-    open_levels,
-    open_notches,
-    open_onward,
-    open_recesses,
-    refilled,
-    widen,
-    without_fins,
-)
+from brepgaussian.splatting.concave import Bend, Images, Prism
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.concave.walls import Walls
-from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
+from brepgaussian.splatting.faces import Face, Fillet
 from brepgaussian.splatting.library import load, pointer
 from brepgaussian.splatting.mesh import vertex_normals
-from brepgaussian.splatting.relief import relieve
+from brepgaussian.splatting.opened import Opened, Shown, opened
 from brepgaussian.splatting.spreading import spread
 
 _UNITS = 32.0  # silhouette distances are stored as int16 in 1/32 px: +-1023 px
@@ -129,54 +110,18 @@ def carve(
             fix="check the cameras (cam_from_unit, intrinsics) and the alpha channel of the images",
         )
 
-    faces: list[Face] = []
-    prisms: list[Prism] = []
-    fillets: list[Fillet] = []
-    bends: list[Bend] = []
+    found = Opened(volume)
     if patches is not None or concavities:
-        images = Images.of(views, noise)
-        silhouettes_alone = volume
-        if patches is not None:
-            volume, faces = flatten_faces(images, patches, volume, _sample)
-        flat = volume
-        if concavities:
-            volume = open_levels(images, volume, _planes(faces))
-            volume, prisms = open_channels(images, volume, [(f.lattice, f.outline) for f in faces])
-        if patches is not None:
-            volume, faces = flatten_faces(images, patches, volume, _sample, faces, bool(prisms) or volume is not flat)
-            volume, faces, fillets = round_edges(images, silhouettes_alone, volume, faces)
-        if concavities:
-            planes = _planes(faces)
-            volume, notches = open_notches(images, volume, planes)
-            volume = open_feet(images, volume, [(f.lattice, f.outline) for f in faces])
-            uncut, volume = volume, open_corners(images, volume, planes)
-            cornered = volume
-            volume, more, bends = open_concavities(images, volume, planes, flat)
-            volume, more = open_onward(images, volume, more)  # an end that it has not passes for a recess
-            volume, recesses = open_recesses(images, volume, [(f.lattice, f.outline) for f in faces], more)
-            # last: what rays tell goes before what is likely
-            volume, wider = widen(images, volume, planes, more)
-            prisms += notches + more + recesses + wider
-            volume = refilled(images, uncut, cornered, volume, prisms)
-            volume = open_levels(images, open_alike(images, volume, planes), planes)
-            volume = without_fins(images, volume)
-            volume, prisms = open_onward(images, volume, prisms)
-            volume = open_grooves(images, volume, prisms)
-        if patches is not None and relief:
-            before, volume = volume, relieve(images, patches, faces, volume)
-            if volume is not before:
-                volume, faces = flatten_faces(images, patches, volume, _sample, faces, True, before.scene())
-                if concavities:  # what curved faces hold shows where these are right, as below a flange
-                    planes = _planes(faces)
-                    volume, prisms = open_onward(images, *open_curved(images, volume, prisms, planes))
-    vertices, triangles = volume.mesh()
+        found = opened(Shown(Images.of(views, noise), patches, _sample), volume, concavities, relief)
+    return _hull(found), list(found.faces)
+
+
+def _hull(found: Opened) -> Hull:
+    """The mesh of an opened field, with what was opened."""
+    vertices, triangles = found.volume.mesh()
     normals = vertex_normals(vertices, triangles)
-    return Hull(vertices, triangles, normals, volume.spacing, tuple(prisms), tuple(fillets), tuple(bends)), faces
-
-
-def _planes(faces: list[Face]) -> list[Plane]:
-    """On which faces lie."""
-    return [Plane(f.lattice.normal, f.lattice.offset) for f in faces]
+    opened = tuple(found.prisms), tuple(found.fillets), tuple(found.bends)
+    return Hull(vertices, triangles, normals, found.volume.spacing, *opened)
 
 
 def _sample(

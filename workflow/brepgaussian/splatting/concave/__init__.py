@@ -6,6 +6,7 @@ depth: a ray that leaves the opening's outline sideways before it reaches the fl
 show the floor. See `docs/splatting.md`.
 """
 
+from brepgaussian.splatting.concave.agreement import preferred
 from brepgaussian.splatting.concave.alike import open_alike
 from brepgaussian.splatting.concave.bends import Bend
 from brepgaussian.splatting.concave.carve import open_channels, open_concavities, open_curved, open_onward
@@ -40,6 +41,7 @@ __all__ = [
     "open_notches",
     "open_onward",
     "open_recesses",
+    "preferred",
     "refilled",
     "widen",
     "without_fins",

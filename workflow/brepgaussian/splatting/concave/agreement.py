@@ -149,6 +149,19 @@ def disagreements(
     return mean_cost(old), left, min(int(old[1].sum()), int(new[1].sum()))
 
 
+def preferred(images: Images, one: Scene, other: Scene, reach: float) -> bool:
+    """Whether views agree better on the other of two surfaces, where they differ by more than `reach`."""
+    rays = rays_at_object(images)
+    first, second = (s.distances(rays.origin, rays.direction) for s in (one, other))
+    met = np.isfinite(first) & np.isfinite(second)
+    apart = np.isfinite(first) != np.isfinite(second)
+    apart[met] = np.abs(first[met] - second[met]) > reach
+    differing = rays.chosen(np.flatnonzero(apart))
+    nearer = np.minimum(first, second)[apart]
+    at = differing.origin + nearer[:, None] * differing.direction
+    return advantage(at, rays.side, differing.costs(one), differing.costs(other)) > 0
+
+
 def changes(
     images: Images, before: Scene, after: Scene, reach: float, rays: Rays | None = None
 ) -> tuple[Array, Costs, Costs, float]:

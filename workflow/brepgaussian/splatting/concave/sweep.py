@@ -34,6 +34,7 @@ _DEEP = 0.5  # share of what silhouettes miss that lies deep in a section, not a
 _GAIN = 0.8  # a cut leaves at most this share of the disagreement
 _LEAST_RAYS = 200
 _LEAST_RAYS_AT_ENDS = 60  # that both ends are open speaks for a channel, too
+_LEAST_RAYS_OF_PART = 10  # one of several channels must change: what no ray tells of, others do not speak for
 _MOST_CLOSED = 0.25  # of the rays agree about the wall that a cut opens: true channels had .12, one under a slot .36
 _SHUT = 0.5  # of a channel's section lies behind faces without a hole there
 _SHORTER = (0.35, 0.5, 0.7)  # of a column, from either end: what a wide bore's funnel in a hull would really be
@@ -72,6 +73,8 @@ def straighten(images: Images, hull: Volume, faces: Sequence[Outlined] = ()) -> 
             if any(_is_shut(prism, faces, hull.spacing, not cut.at_ends) for prism in cut.prisms):
                 continue
             opened, good = _judged(images, hull, cut)
+            if good and len(cut.prisms) > 1:
+                cut, opened, good = _told(images, hull, cut, opened)
             if good and (cut.at_ends or not _ends_before(images, hull, cut, opened)):
                 less = None if cut.at_ends else _shown_at_ends(images, hull, cut, opened, every)
                 hull, prisms = less or (opened, cut.prisms)
@@ -96,6 +99,20 @@ def _judged(images: Images, hull: Volume, cut: Cut) -> tuple[Volume, bool]:
         "" if good else ": not believed",
     )  # fmt: skip
     return opened, good
+
+
+def _told(images: Images, hull: Volume, cut: Cut, opened: Volume) -> tuple[Cut, Volume, bool]:
+    """Those of several channels that rays tell of, the hull without them, and whether views agree about it better.
+
+    What lies between a recess and a slot on the other side of a disc is empty at both ends, too.
+    """
+    scene, reach = hull.scene(), 2 * hull.spacing
+    alone = [disagreements(images, scene, _without(hull, (p,)).scene(), reach)[2] for p in cut.prisms]
+    told = tuple(p for p, count in zip(cut.prisms, alone, strict=True) if count >= _LEAST_RAYS_OF_PART)
+    if len(told) == len(cut.prisms):
+        return cut, opened, True
+    less = replace(cut, prisms=told)
+    return (less, *_judged(images, hull, less)) if told else (less, hull, False)
 
 
 def _is_shut(prism: Prism, faces: Sequence[Outlined], spacing: float, across: bool) -> bool:
