@@ -84,6 +84,49 @@ def test_a_bore_with_a_narrower_end_is_not_carried_along(monkeypatch, deep, rays
     assert sweep._ends_before(None, hull, Cut((prism,), 100.0, False), opened) == ends
 
 
+def test_of_several_channels_what_no_ray_tells_of_is_not_cut(monkeypatch):
+    """Rays that look into a slot do not speak for what lies between a recess and a slot on the other side."""
+    x, y, z = np.moveaxis(GRID, -1, 0)
+    block = np.minimum.reduce([0.4 - np.abs(x - 0.5), 0.4 - np.abs(y - 0.5), 0.2 - np.abs(z - 0.5)])
+    hull = Volume(block.astype(np.float32), np.zeros(3), SPACING)
+
+    def column(middle):
+        lattice = Lattice(np.array([middle - 0.1, 0.4, 0.7]), *np.eye(3), SPACING, (20, 20))
+        return Prism(lattice, np.ones((20, 20), bool), 0.4, False, 0.0)
+
+    shown, hidden = column(0.3), column(0.7)
+    cut = Cut((shown, hidden), 2e4, True)
+
+    def disagreements(images, before, after, reach):
+        inside = np.array([[0.3, 0.5, 0.5]])
+        looked_at = before.signed_distance(inside)[0] < 0 < after.signed_distance(inside)[0]
+        return (1.0, 0.3, 500) if looked_at else (0.0, 0.0, 0)
+
+    monkeypatch.setattr(sweep, "disagreements", disagreements)
+    monkeypatch.setattr(sweep, "one_surface", lambda *_: 0.0)
+    opened = hull.without(shown, 0.0).without(hidden, 0.0)
+    less, volume, good = sweep._told(None, hull, cut, opened)
+    assert good
+    assert less.prisms == (shown,)
+    places = volume.scene().signed_distance(np.array([[0.3, 0.5, 0.5], [0.7, 0.5, 0.5]]))
+    assert places[0] > 0 > places[1]
+    monkeypatch.setattr(sweep, "disagreements", lambda *_: (0.0, 0.0, 0))
+    assert not sweep._told(None, hull, cut, opened)[2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_samples_in_a_prism_are_those_that_it_contains(seed):
+    rng = np.random.default_rng(seed)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    lattice = Lattice(rng.uniform(0.3, 0.6, 3), *axes, 0.02, (25, 18))
+    prism = Prism(lattice, rng.random((25, 18)) < 0.6, rng.uniform(0.05, 0.3), False, 0.0)
+    ends = rng.uniform(0, 1, (2, 500, 3))
+    chords = Chords(np.arange(500), *ends)
+    expected = prism.contains(chords.samples(), 0.01)
+    assert expected.any()
+    assert (chords.within(prism, 0.01) == expected).all()
+
+
 @pytest.mark.parametrize(("brim", "deep", "kept"), [(0.02, False, True), (0.02, True, False), (0.0, False, True)])
 def test_a_section_loses_the_brim_that_silhouettes_need(brim, deep, kept):
     """A slot's section .2 wide, with a brim on either side: rays along the brim have nothing else in their way."""
@@ -105,7 +148,7 @@ def test_a_section_loses_the_brim_that_silhouettes_need(brim, deep, kept):
         entry + np.where(only, 0.6, 0.9)[:, None] * [1, 0, 0] + np.where(only, 0, -0.5)[:, None] * UP,
     )
     cut = Cut((Prism(lattice, wide, 0.8, False, 0.0),), 1e4, True)
-    found = _filling(chords, chords.samples(), cut)
+    found = _filling(chords, cut)
     assert (found is not None) == kept
     if found is not None and brim:
         left = found.prisms[0].outline

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from blocks import BLOCK, GRID, SPACING, disc
+from brepgaussian.splatting import opened
 from brepgaussian.splatting.concave import Images, believed
-from brepgaussian.splatting.concave.agreement import one_surface
+from brepgaussian.splatting.concave.agreement import one_surface, preferred
 from brepgaussian.splatting.concave.planes import PITCH_PIXELS
 from build123d import Align, Box, Cylinder, Pos
 from rendered import rendered
@@ -27,6 +28,36 @@ def test_a_wall_that_a_slot_is_cut_into_is_one_surface_if_there_is_none(tmp_path
     assert share < 0.15 if there else share > 0.4
 
 
+def test_of_two_hulls_the_one_about_which_views_agree_is_preferred(tmp_path):
+    part = Box(SIDE, SIDE, SIDE, align=LOW) - Cylinder(BORE, SIDE, align=LOW)
+    views, _ = rendered(tmp_path, part, 40, 400)
+    images = Images.of(views, 0.0)
+    radius = np.linalg.norm(GRID[..., :2] - 0.5, axis=-1)
+
+    def bored(wide):
+        return BLOCK.with_field(np.minimum(BLOCK.field, (radius - wide).astype(np.float32))).scene()
+
+    right, narrow, wide = (bored(share * BORE / SIDE) for share in (1.0, 0.7, 1.4))
+    for wrong in (BLOCK.scene(), narrow, wide):
+        assert preferred(images, wrong, right, 2 * SPACING)
+        assert not preferred(images, right, wrong, 2 * SPACING)
+    assert not preferred(images, right, right, 2 * SPACING)
+
+
+@pytest.mark.parametrize(("rooms", "liked"), [(False, False), (True, False), (True, True)])
+def test_rooms_are_cut_first_where_views_like_what_comes_of_it(monkeypatch, rooms, liked):
+    flat = opened.Opened(BLOCK)
+    roomy = BLOCK.with_field(BLOCK.field - 0.01)
+    monkeypatch.setattr(opened, "open_levels", lambda images, hull, planes: roomy if rooms else hull)
+    monkeypatch.setattr(
+        opened, "_sides", lambda shown, bare, flat, hull: opened._Begun(BLOCK, hull, replace(flat, volume=hull))
+    )
+    monkeypatch.setattr(opened, "preferred", lambda images, one, other, reach: liked)
+    begun = opened._begun(opened.Shown(None, None, None), BLOCK, flat)
+    assert (begun.now.volume is roomy) == (rooms and liked)
+    assert (begun.now.volume is BLOCK) == (not (rooms and liked))
+
+
 def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     part = Box(SIDE, SIDE, SIDE, align=LOW) - Cylinder(BORE, SIDE, align=LOW)
     views, _ = rendered(tmp_path, part, 40, 400)
@@ -35,8 +66,8 @@ def test_a_hole_that_narrows_is_not_cut_where_a_bore_is_straight(tmp_path):
     hull = BLOCK.with_field(np.minimum(BLOCK.field, (radius - BORE / SIDE).astype(np.float32)))
     mouth = disc(0.3, 1.0, PITCH_PIXELS * views.cameras.footprint())
     wide = replace(mouth, through=True, draft=0.5, sink=0.1)
-    opened = hull.without(wide, 0.02)
-    assert believed.disliked(images, hull, opened, wide)
+    wider = hull.without(wide, 0.02)
+    assert believed.disliked(images, hull, wider, wide)
     assert not believed.disliked(images, hull, hull, wide)
 
 

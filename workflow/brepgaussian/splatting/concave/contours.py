@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
 Array = NDArray[np.float64]
@@ -35,6 +36,19 @@ class Chords:
         share = (np.arange(_CHORD_SAMPLES) + 0.5) / _CHORD_SAMPLES
         points = self.entry[:, None] + share[:, None] * (self.exit - self.entry)[:, None]  # (S, K, 3)
         return np.asarray(points.reshape(-1, 3))
+
+    def within(self, prism: Prism, margin: float) -> NDArray[np.bool_]:
+        """(S * K,) which of the samples lie in a prism (`Prism.contains`): only chords that pass by are looked at."""
+        low, high = prism.box(margin)
+        first, last = (np.column_stack(prism.lattice.coordinates(points)) for points in (self.entry, self.exit))
+        near = np.asarray(((np.minimum(first, last) <= high) & (np.maximum(first, last) >= low)).all(axis=1))
+        found: NDArray[np.bool_] = np.zeros((len(near), _CHORD_SAMPLES), bool)
+        found[near] = prism.contains(self.chosen(near).samples(), margin).reshape(-1, _CHORD_SAMPLES)
+        return np.asarray(found.ravel())
+
+    def chosen(self, which: NDArray[np.bool_]) -> "Chords":
+        """Some of them."""
+        return Chords(self.ray[which], self.entry[which], self.exit[which])
 
     def trimmed(self, normal: Array, offset: float) -> "Chords":
         """What is left of them where normal . x <= offset."""

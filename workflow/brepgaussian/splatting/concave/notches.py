@@ -155,7 +155,7 @@ def _cut(images: Images, hull: Volume, scene: Scene, prism: Prism, chords: Chord
     if gone < _LEAST_VOXELS:
         return None
     sure = _surely(prism)
-    lost = lost_share(chords, sure.contains(chords.samples(), margin))
+    lost = lost_share(chords, chords.within(sure, margin))
     behind = left.scene()
     at, before, after, missing = changes(images, scene, behind, _REACH_VOXELS * hull.spacing)
     if sure is not prism:

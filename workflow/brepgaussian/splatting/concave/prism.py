@@ -232,13 +232,16 @@ class Prism:
         cells, height = self.lattice.coordinates(points)
         return cells + np.outer(height, self.tilt) / self.lattice.pitch, height
 
+    def box(self, margin: float) -> tuple[Array, Array]:
+        """(3,) least and (3,) largest row, column and height of what a straight one may contain."""
+        used, deep = np.argwhere(self.outline), self.depth + margin
+        return np.append(used.min(axis=0) - 1, -deep), np.append(used.max(axis=0) + 1, deep)
+
     def contains(self, points: Array, margin: float) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) lie within a straight concavity; `margin` as for `signed_distance`."""
-        cells, height = self.lattice.coordinates(points)
-        used = np.argwhere(self.outline)
-        inside = np.all((cells >= used.min(axis=0) - 1) & (cells <= used.max(axis=0) + 1), axis=1) & (
-            np.abs(height) <= self.depth + margin
-        )
+        low, high = self.box(margin)
+        places = np.column_stack(self.lattice.coordinates(points))
+        inside: NDArray[np.bool_] = np.asarray(((places >= low) & (places <= high)).all(axis=1))
         inside[inside] = self.signed_distance(points[inside], margin) < 0
         return np.asarray(inside)
 

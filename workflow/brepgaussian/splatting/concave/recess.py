@@ -180,7 +180,7 @@ def _believed(images: Images, scene: Scene, recess: Prism, said: tuple[float, fl
     """
     old, new, count = said
     chords = chords_in(scene, *images.contour_rays)
-    lost = lost_share(chords, recess.contains(chords.samples(), 0.0))
+    lost = lost_share(chords, chords.within(recess, 0.0))
     gain = _SURE_GAIN if sure > SURE else _GAIN
     good = better(said, gain, _LEAST_RAYS, untold=False) and lost <= MOST_LOST
     logger.info(

@@ -62,10 +62,9 @@ def straighten(images: Images, hull: Volume, faces: Sequence[Outlined] = ()) -> 
         mesh = hull.mesh()
         scene = Scene(*mesh)
         chords = chords_in(scene, *images.contour_rays)
-        samples = chords.samples()
         regions = [r for r in planar_regions(*mesh, 2 * hull.spacing) if r.area(*mesh) >= LEAST_AREA]
         flat = [r for r in regions if r.bend < _MOST_BEND]
-        every = [c for normal in directions(flat) for c in _possible(chords, samples, cuts(hull, normal, regions))]
+        every = [c for normal in directions(flat) for c in _possible(chords, cuts(hull, normal, regions))]
         # the right direction explains all of a channel at once, others parts of it
         largest = sorted(every, key=lambda c: -c.volume)
         necked = [c for c in largest if c.necked][:_MOST_NECKED]  # what parts of them do not explain
@@ -203,26 +202,26 @@ def directions(faces: Sequence[Plane]) -> list[Array]:
     return found
 
 
-def _possible(chords: Chords, samples: Array, cuts: list[Cut]) -> list[Cut]:
+def _possible(chords: Chords, cuts: list[Cut]) -> list[Cut]:
     """Those cuts that leave the silhouettes filled; all that are open at both ends at once as well."""
     largest = sorted(cuts, key=lambda c: -c.volume)[:_MOST_CHECKED]
-    kept = [c for cut in largest if (c := _filling(chords, samples, cut)) is not None]
+    kept = [c for cut in largest if (c := _filling(chords, cut)) is not None]
     ends = [c for c in kept if c.at_ends]
     if len(ends) > 1:
         kept.append(Cut(tuple(c.prisms[0] for c in ends), sum(c.volume for c in ends), True))
     return [c for c in kept if c.volume >= LEAST_VOLUME_VOXELS]
 
 
-def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:
+def _filling(chords: Chords, cut: Cut) -> Cut | None:
     """A cut that leaves the silhouettes filled, without the brim of its section if that is what they need.
 
     At a channel's ends the hull is rounded, and a brim as wide as its rim would be cut all along.
     """
     prism = cut.prisms[0]
-    removed = prism.contains(samples, 0.0)
+    removed = chords.within(prism, 0.0)
     if lost_share(chords, removed) <= MOST_LOST:
         return cut
-    lost = samples.reshape(len(chords.ray), -1, 3)[lost_rays(chords, removed)[chords.ray]].reshape(-1, 3)
+    lost = chords.chosen(lost_rays(chords, removed)[chords.ray]).samples()
     cells, _ = prism.lattice.coordinates(lost)
     deep = prism.lateral(cells) < -BESIDE_VOXELS * FINER * prism.lattice.pitch
     if deep.any() and deep.mean() > _DEEP:
@@ -230,6 +229,6 @@ def _filling(chords: Chords, samples: Array, cut: Cut) -> Cut | None:
     brim = np.zeros_like(prism.outline)
     brim[tuple(np.clip(np.round(cells[~deep]).astype(int), 0, np.array(brim.shape) - 1).T)] = True
     less = replace(prism, outline=prism.outline & ~ndimage.binary_dilation(brim, iterations=FINER))
-    if not less.outline.any() or lost_share(chords, less.contains(samples, 0.0)) > MOST_LOST:
+    if not less.outline.any() or lost_share(chords, chords.within(less, 0.0)) > MOST_LOST:
         return None
     return replace(cut, prisms=(less,))

@@ -51,7 +51,6 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
     planes = [*faces, *floors, *flats]
     scene = Scene(*mesh)
     chords = chords_in(scene, *images.contour_rays)
-    samples = chords.samples()
     done: list[Prism] = []
     opened = hull
     for normal in directions(planes):
@@ -59,7 +58,7 @@ def widen(images: Images, hull: Volume, faces: Sequence[Plane], known: Sequence[
             prism = cut.prisms[0]
             less = opened.without(prism, 0.0)
             new = opened.lost_in(less)
-            if new < LEAST_PART_VOXELS or lost_share(chords, prism.contains(samples, 0.0)) > MOST_LOST:
+            if new < LEAST_PART_VOXELS or lost_share(chords, chords.within(prism, 0.0)) > MOST_LOST:
                 continue
             said = disagreements(images, scene, hull.without(prism, 0.0).scene(), _REACH_VOXELS * hull.spacing)
             good = better(said, _GAIN, _FEW_RAYS, untold=True)
