@@ -112,7 +112,7 @@ def carve(
 
     found = Opened(volume)
     if patches is not None or concavities:
-        found = opened(Shown(Images.of(views, noise), patches, _sample), volume, concavities, relief)
+        found = opened(Shown(Images.of(views, noise), patches, _sample, noise), volume, concavities, relief)
     return _hull(found), list(found.faces)
 
 

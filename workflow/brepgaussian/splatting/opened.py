@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from brepgaussian import log
 from brepgaussian.splatting.concave import (
     Bend,
+    Edges,
     Images,
     Plane,
     Prism,
@@ -30,9 +31,11 @@ from brepgaussian.splatting.concave import (
     refilled,
     widen,
     without_fins,
+    without_skins,
 )
 from brepgaussian.splatting.concave.prism import Lattice
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.evidence import edge_cloud
 from brepgaussian.splatting.faces import Face, Fillet, flatten_faces, round_edges
 from brepgaussian.splatting.faces.flatten import Sampler
 from brepgaussian.splatting.relief import relieve
@@ -50,11 +53,13 @@ class Shown:
         images: of all views.
         patches: (V, H, W) region ids of the masks, 0 = none; None = no faces are looked for.
         sampler: spreads points (N, 3) with normals (N, 3) evenly over a mesh.
+        noise: standard deviation of the images' noise, grey levels.
     """
 
     images: Images
     patches: NDArray[np.integer] | None
     sampler: Sampler
+    noise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,14 @@ def _concavities(shown: Shown, begun: _Begun) -> Opened:
     volume = open_levels(images, open_alike(images, volume, planes), planes)
     volume = without_fins(images, volume)
     volume, prisms = open_onward(images, volume, prisms)
-    return replace(now, volume=open_grooves(images, volume, prisms), prisms=prisms, bends=bends)
+    volume = _bared(shown, open_grooves(images, volume, prisms), planes)
+    return replace(now, volume=volume, prisms=prisms, bends=bends)
+
+
+def _bared(shown: Shown, volume: Volume, planes: Sequence[Plane]) -> Volume:
+    """A hull without skins over planes that the 3D edges of the images tell."""
+    cloud = edge_cloud(shown.images.views, volume.scene(), shown.noise)
+    return without_skins(shown.images, volume, Edges.of(cloud.points, cloud.directions), planes)
 
 
 def _moved(shown: Shown, found: Opened, concavities: bool) -> Opened:

@@ -1,0 +1,235 @@
+"""Skins over planar faces that no region tells: 3D edges lie all around a face, on its plane.
+
+A hull leaves a few voxels on walls and floors that no silhouette grazes, and where these are of one grey no ray tells
+how deep it lies. But the edges around a face are told by triangulation, to a fifth of a voxel: along the normal of a
+face many of them lie at one height. A skin over such a plane goes, if it has no edges of its own, if contours stay
+filled, and if views agree no less without it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from brepgaussian import log
+from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
+from brepgaussian.splatting.concave.floors import lattice_of
+from brepgaussian.splatting.concave.openings import Images
+from brepgaussian.splatting.concave.planes import PARALLEL, Plane
+from brepgaussian.splatting.concave.prism import Lattice, Prism, over
+from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.sweep import MOST_LOST
+from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.mesh import vertex_normals
+
+Array = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+_CELLS = 120  # along the longer side of a lattice: somewhat more than voxels
+_SQUARE = 0.02  # cosine of two normals to which a third one is square
+_ALONG = 0.1  # cosine of an edge with the normal of a face that it lies on, at most
+_BAND = 0.0025  # unit frame, on either side, in which edges of one plane lie: they are good to .001
+_LEAST_EDGES = 60  # on a plane, 1.5e-3 apart at least
+_PROMINENT = 3.0  # times as many as if edges lay anywhere
+_APART_VOXELS = 1.5  # of two planes
+_SKIN_VOXELS = (0.7, 8.0)  # how high skins lie over a plane
+_FACING = 0.5  # cosine of a skin's normal with that of its plane: towards its end a skin is steep
+_OWN_VOXELS = 0.7  # so near to a plane of its own, and
+_OWN_FACING = 0.97  # as parallel, what lies higher is no skin
+_LEAST_AREA = 0.001  # of a skin
+_LEAST_VOXELS = 60  # that it has in all: less is the roughness of a hull
+_BORDER_CELLS = 3  # from an edge on the plane a face's border is told
+_BORDERED = 0.4  # of it, at least
+_OWN_EDGES = 0.25  # as many edges on a skin as around it, at most
+_NO_WORSE = 1.0  # times the disagreement of the views is left at most
+_LEAST_RAYS = 30  # that judge it
+_REACH_VOXELS = 1.0  # rays on which less changes don't judge
+
+logger = log.get_logger("stage1")
+
+
+@dataclass(frozen=True)
+class Edges:
+    """3D edges: (N, 3) points, (N, 3) unit directions."""
+
+    points: Array
+    directions: Array
+
+    @staticmethod
+    def of(points: NDArray[np.float32], directions: NDArray[np.float32]) -> "Edges":
+        """Those of an edge cloud."""
+        return Edges(points.astype(float), directions.astype(float))
+
+
+def without_skins(images: Images, hull: Volume, edges: Edges, planes: Sequence[Plane]) -> Volume:
+    """A hull without its skins over planes that 3D edges tell.
+
+    Args:
+        images: of all views.
+        hull: opened.
+        edges: of the images.
+        planes: of the faces that views have confirmed.
+
+    Returns:
+        The hull; the same object if there are none.
+    """
+    if not len(edges.points):
+        return hull
+    told = [plane for way in _ways(planes) for plane in _planes(edges, way, hull)]
+    every = [*planes, *told, *(Plane(-p.normal, -p.offset) for p in told)]
+    seen = _Seen(images, hull)
+    for plane in told:
+        for side in (1.0, -1.0):
+            seen = _bared(seen, edges, Plane(side * plane.normal, side * plane.offset), every)
+    return seen.hull
+
+
+def _ways(planes: Sequence[Plane]) -> list[Array]:
+    """Unit normals (3,) that faces may have, each with its opposite once: of known ones, and square to two of these."""
+    normals = [plane.normal for plane in planes]
+    square = [np.cross(a, b) for a, b in combinations(normals, 2) if abs(a @ b) < _SQUARE]
+    found: list[Array] = []
+    for way in (*normals, *square):
+        if not any(abs(way @ other) > PARALLEL for other in found):
+            found.append(way / np.linalg.norm(way))
+    return found
+
+
+def _planes(edges: Edges, way: Array, hull: Volume) -> Iterator[Plane]:
+    """Planes across a way on which many edges of a hull lie."""
+    heights = np.sort((edges.points @ way)[np.abs(edges.directions @ way) < _ALONG])
+    if len(heights) < _LEAST_EDGES:
+        return
+    centers = np.arange(heights[0], heights[-1] + _BAND, _BAND)
+    first, last = (np.searchsorted(heights, centers + side * _BAND) for side in (-1, 1))
+    count = last - first
+    by_chance = len(heights) * 2 * _BAND / float(np.ptp(hull.box @ way))
+    least = max(_LEAST_EDGES, _PROMINENT * by_chance)
+    taken: list[float] = []
+    for k in np.argsort(-count, kind="stable"):
+        if count[k] < least:
+            break
+        height = float(np.median(heights[first[k] : last[k]]))
+        if all(abs(height - other) > _APART_VOXELS * hull.spacing for other in taken):
+            taken.append(height)
+            yield Plane(way, height)
+
+
+def _bared(seen: "_Seen", edges: Edges, plane: Plane, known: Sequence[Plane]) -> "_Seen":
+    """A hull without the skins over one side of a plane."""
+    hull = seen.hull
+    lattice = lattice_of(seen.images, hull, plane, _CELLS)
+    low, high = (voxels * hull.spacing for voxels in _SKIN_VOXELS)
+    covered, bare = _covered(hull, lattice, low, high, known)
+    if covered.sum() * lattice.pitch**2 < _LEAST_AREA:
+        return seen
+    around, upon = _edge_cells(edges, lattice, -_BAND, _BAND), _edge_cells(edges, lattice, low, high)
+    # edges and other planes part the face from what lies past them, such as a bore's wall below a slot's floor
+    ends = _lines(lattice, known)
+    free = ~ends & ~hull.inside((lattice.centers() + high * lattice.normal).reshape(-1, 3)).reshape(lattice.shape)
+    labels, count = ndimage.label(ndimage.binary_closing(covered | bare) & ~ends & ~ndimage.binary_closing(around))
+    for k in range(1, count + 1):
+        face = labels == k
+        skin = face & covered
+        area = float(skin.sum()) * lattice.pitch**2
+        if area >= _LEAST_AREA and _is_bordered(face, skin, around, upon, ends):
+            seen = _cut(seen, lattice, ndimage.binary_dilation(skin, mask=free) & free, high)
+    return seen
+
+
+def _covered(hull: Volume, lattice: Lattice, low: float, high: float, known: Sequence[Plane]) -> tuple[Cells, Cells]:
+    """(R, C) cells of a plane over which a hull's surface lies that no other plane tells, and where it is the plane."""
+    vertices, triangles = hull.mesh()
+    normals = vertex_normals(vertices, triangles)
+    cells, height = lattice.coordinates(vertices)
+    facing = normals @ lattice.normal
+    skin = (height > low) & (height < high) & (facing > _FACING)
+    own = np.zeros(len(vertices), bool)
+    for plane in known:
+        if plane.normal @ lattice.normal > _OWN_FACING:
+            on = np.abs(vertices @ plane.normal - plane.offset) < _OWN_VOXELS * hull.spacing
+            own |= skin & on & (normals @ plane.normal > _OWN_FACING)
+    bare = (np.abs(height) <= low) & (facing > _FACING)
+    step = ndimage.binary_dilation(_filled(lattice, cells[own]))  # with its rounded rim
+    return ndimage.binary_opening(_filled(lattice, cells[skin & ~own]) & ~step), _filled(lattice, cells[bare])
+
+
+def _lines(lattice: Lattice, planes: Sequence[Plane]) -> Cells:
+    """(R, C) cells in which planes that are square to a lattice's cross it."""
+    centers, found = lattice.centers(), np.zeros(lattice.shape, bool)
+    for plane in planes:
+        if abs(plane.normal @ lattice.normal) < _SQUARE:
+            found |= np.abs(centers @ plane.normal - plane.offset) < lattice.pitch / 2
+    return found
+
+
+def _filled(lattice: Lattice, cells: Array) -> Cells:
+    """(R, C) where fractional cells (N, 2) lie, gaps between them closed."""
+    found = np.zeros(lattice.shape, bool)
+    index = np.round(cells).astype(int)
+    index = index[((index >= 0) & (index < lattice.shape)).all(axis=1)]
+    found[tuple(index.T)] = True
+    return np.asarray(ndimage.binary_closing(found))
+
+
+def _edge_cells(edges: Edges, lattice: Lattice, low: float, high: float) -> Cells:
+    """(R, C) cells with edges at some heights over them."""
+    within, height = over(lattice, np.ones(lattice.shape, bool), edges.points)
+    chosen = within & (height > low) & (height < high)
+    found = np.zeros(lattice.shape, bool)
+    found[tuple(np.round(lattice.coordinates(edges.points[chosen])[0]).astype(int).T)] = True
+    return found
+
+
+def _is_bordered(face: Cells, skin: Cells, around: Cells, upon: Cells, ends: Cells) -> bool:
+    """Whether edges on a plane run around the face that a skin is a part of, and hardly any on the skin.
+
+    Where another plane ends the face, all may be of one grey.
+    """
+    near, wide = (ndimage.binary_dilation(cells, iterations=_BORDER_CELLS) for cells in (around, face))
+    whole = ndimage.binary_fill_holes(face)  # a bore's mouth may be of one grey with it, too
+    border = ndimage.binary_dilation(whole) & ~whole & (near | ~ends)
+    own = (upon & ndimage.binary_erosion(skin)).sum()
+    return bool((border & near).sum() >= _BORDERED * border.sum() and own <= _OWN_EDGES * (around & wide).sum())
+
+
+def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
+    """A hull without a skin, if contours stay filled and views agree no less."""
+    prism = Prism(lattice, skin, 0.0, False, 0.0)
+    bare = replace(seen, hull=seen.hull.without(prism, high))
+    if seen.hull.lost_in(bare.hull) < _LEAST_VOXELS:
+        return seen
+    lost = lost_share(seen.chords, seen.chords.within(prism, high))
+    reach = _REACH_VOXELS * seen.hull.spacing
+    old, new, count = disagreements(seen.images, seen.scene, bare.scene, reach) if lost <= MOST_LOST else (0.0, 0.0, 0)
+    good = lost <= MOST_LOST and (count < _LEAST_RAYS or new <= _NO_WORSE * old)
+    logger.info(
+        "skin of area %.4f over a plane with normal %s at %.4f: views disagree by %.2f for %.2f of the hull, %d rays, "
+        "%.1f %% of the contours lost%s",
+        skin.sum() * lattice.pitch**2, np.round(lattice.normal, 2).tolist(), float(lattice.origin @ lattice.normal),
+        new, old, count, 100 * lost, "" if good else ": not believed",
+    )  # fmt: skip
+    return bare if good else seen
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A hull, and the images that tell of it."""
+
+    images: Images
+    hull: Volume
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Its surface."""
+        return self.hull.scene()
+
+    @cached_property
+    def chords(self) -> Chords:
+        """What rays along the contours have in it."""
+        return chords_in(self.scene, *self.images.contour_rays)
