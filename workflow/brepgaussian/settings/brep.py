@@ -96,7 +96,7 @@ class BrepSettings:
         maximum=1.0,
     )
     accept_astray: float = setting(
-        5e-5,
+        1e-5,
         "A solid is accepted if a smaller share of its silhouettes' pixels is wrong by more than two pixels.",
         minimum=0.0,
         maximum=1.0,
