@@ -279,3 +279,37 @@ def test_faces_beside_one_that_is_left_out_are_extended_where_no_solid_closes(bl
     assert len(list(buildings(job, changed, plain, [top], SIGMA, Built(closed=True)))) == 1
     same = Change("a plane", (5,), (job.patches[5],))
     assert len(list(buildings(job, job, plain, [same], SIGMA, Built()))) == 1
+
+
+@pytest.mark.parametrize(
+    ("hollow", "touching", "dropped"), [(True, True, True), (True, False, False), (False, True, False)]
+)
+def test_a_flat_chord_of_a_hollow_fillet_may_go(hollow, touching, dropped):
+    """A corner of two walls with a fillet of radius .1, flat between 60 and 75 degrees: off by five times the noise."""
+    rng = np.random.default_rng(4)
+    radius, sigma = 0.1, 0.0005
+    middle = np.array([0.1 if touching else 0.13, 0, 0.1])
+    around = cylinder(middle, np.array([0, 1.0, 0]), radius, flipped=hollow)
+    floor, wall = plane(np.zeros(3), np.array([0, 0, 1.0])), plane(np.zeros(3), np.array([1.0, 0, 0]))
+
+    def patch(surface, number, xyz, count):
+        points = xyz + rng.normal(0, sigma, (count, 3))
+        return Patch(surface, number, points, surface.normals(points), 0.02, sigma)
+
+    def arc(first, last, count):
+        angle = np.radians(rng.uniform(first, last, count))
+        return middle + radius * np.column_stack([-np.sin(angle), 5 * rng.random(count), -np.cos(angle)])
+
+    ends = arc(60, 60, 1)[0], arc(75, 75, 1)[0]
+    share = rng.random(150)[:, None]
+    chord = ends[0] + share * (ends[1] - ends[0])
+    chord[:, 1] = 0.5 * rng.random(150)
+    way = np.cross([0, 1.0, 0], ends[1] - ends[0])
+    flat = plane(ends[0] + 0.0025 * way / np.linalg.norm(way), way)
+    patches = [
+        patch(floor, 0, np.column_stack([rng.uniform(0.1, 1, 8000), rng.random(8000) / 2, np.zeros(8000)]), 8000),
+        patch(wall, 1, np.column_stack([np.zeros(8000), rng.random(8000) / 2, rng.uniform(0.1, 1, 8000)]), 8000),
+        patch(around, 2, arc(0, 60, 900), 900),
+        patch(flat, 3, chord + 0.0025 * way / np.linalg.norm(way), 150),
+    ]
+    assert any(c.gone == (3,) and not c.new for c in proposals(patches, sigma, 0)) == dropped

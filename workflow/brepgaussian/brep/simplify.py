@@ -42,6 +42,7 @@ _ROUNDED = 0.012  # unit frame: which stands off the faces beside it by up to th
 _EQUAL = 0.1  # of a radius: fillets that are alike, and how far one may miss the wall that it touches
 _ACROSS = np.sin(np.radians(5.0))  # between a wall's plane and its fillet's axis
 _STRIP = 0.03  # of all points: planes that meet another one so bluntly that modelled faces hardly do,
+_CHORD = 0.1  # radii by which a chord of a fillet lies off it, at most: over 50 degrees
 _BLUNT = np.cos(np.radians(15.0))  # may be the flat start of a fillet
 
 
@@ -193,7 +194,7 @@ def _drops(patches: Sequence[Patch], noise: float) -> Iterator[Change]:
         if len(patch.xyz) > _STRIP * total:
             break
         beside = _beside(index, patches) if patch.surface.kind == "plane" else []
-        strip = _starts_fillet(patch.surface, beside)
+        strip = _starts_fillet(patch.surface, beside) or _cuts_fillet(patch, beside, patches)
         if (len(patch.xyz) > _SMALL * total and not strip) or _joins_fillets(patch.surface, beside):
             continue
         off = np.full(len(patch.xyz), np.inf)
@@ -236,6 +237,21 @@ def _starts_fillet(flat: Surface, beside: Sequence[Surface]) -> bool:
     """Whether a plane lies between another one, hardly turned, and a curved face."""
     blunt = any(s.kind == "plane" and float(s.axis @ flat.axis) > _BLUNT for s in beside)
     return blunt and any(s.kind != "plane" for s in beside)
+
+
+def _cuts_fillet(patch: Patch, beside: Sequence[Surface], patches: Sequence[Patch]) -> bool:
+    """Whether a plane's points lie nearly on a hollow fillet beside it, which touches another plane past it.
+
+    In the corner between two walls a hull is flat where no silhouette reaches: a chord of the fillet there.
+    """
+    planes = [p.surface for p in patches if p.surface.kind == "plane" and p is not patch]
+    return any(
+        s.kind == "cylinder"
+        and s.flipped
+        and float(np.median(np.abs(s.signed_distance(patch.xyz)))) < _CHORD * s.radius
+        and sum(_touches(flat, s) for flat in planes) > 1
+        for s in beside
+    )
 
 
 def fitted_to(kind: str, patches: Sequence[Patch], noise: float, rng: np.random.Generator) -> Surface | None:
