@@ -106,9 +106,11 @@ def test_without_edges_around_it_a_skin_stays(images):
 
 def test_what_contours_need_or_views_like_stays(images, monkeypatch):
     hull = slotted(((LEFT - 0.1, 0.15, FLOOR - 0.1), (LEFT + 0.04, 0.85, 0.8)))
-    monkeypatch.setattr(skins, "disagreements", lambda *_: (0.2, 0.4, 100))
-    assert without_skins(images, hull, lines(*SLOT), FACES) is hull
-    monkeypatch.setattr(skins, "disagreements", lambda *_: (0.2, 0.2, 100))
+    for said in ((0.2, 0.4, 100), (1.3, 0.9, 100), (1.3, 0.7, 100), (0.3, 0.0, 10)):
+        monkeypatch.setattr(skins, "disagreements", lambda *_, said=said: said)
+        assert without_skins(images, hull, lines(*SLOT), FACES) is hull
+    monkeypatch.setattr(skins, "disagreements", lambda *_: (0.3, 0.1, 100))
+    assert without_skins(images, hull, lines(*SLOT), FACES) is not hull
     monkeypatch.setattr(skins, "lost_share", lambda *_: 0.05)
     assert without_skins(images, hull, lines(*SLOT), FACES) is hull
 

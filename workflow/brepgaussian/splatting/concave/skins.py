@@ -3,7 +3,7 @@
 A hull leaves a few voxels on walls and floors that no silhouette grazes, and where these are of one grey no ray tells
 how deep it lies. But the edges around a face are told by triangulation, to a fifth of a voxel: along the normal of a
 face many of them lie at one height. A skin over such a plane goes, if it has no edges of its own, if contours stay
-filled, and if views agree no less without it.
+filled, and if views agree much better without it: about what is behind it few of them differ.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import disagreements
+from brepgaussian.splatting.concave.agreement import better, disagreements
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
 from brepgaussian.splatting.concave.floors import lattice_of
 from brepgaussian.splatting.concave.openings import Images
@@ -46,8 +46,9 @@ _LEAST_VOXELS = 60  # that it has in all: less is the roughness of a hull
 _BORDER_CELLS = 3  # from an edge on the plane a face's border is told
 _BORDERED = 0.4  # of it, at least
 _OWN_EDGES = 0.25  # as many edges on a skin as around it, at most
-_NO_WORSE = 1.0  # times the disagreement of the views is left at most
-_LEAST_RAYS = 30  # that judge it
+_GAIN = 0.7  # of the disagreement is left at most, by true ones .2-.64, by cuts into a knuckle .67 and .75,
+_MOST_LEFT = 0.6  # and so many tolerances: true ones up to .5, those cuts .87 and 1.0
+_LEAST_RAYS = 30  # that tell so
 _REACH_VOXELS = 1.0  # rays on which less changes don't judge
 
 logger = log.get_logger("stage1")
@@ -199,7 +200,10 @@ def _is_bordered(face: Cells, skin: Cells, around: Cells, upon: Cells, ends: Cel
 
 
 def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
-    """A hull without a skin, if contours stay filled and views agree no less."""
+    """A hull without a skin, if contours stay filled and views agree much better.
+
+    Edges crowd where a circle touches a plane, too, in which no face lies.
+    """
     prism = Prism(lattice, skin, 0.0, False, 0.0)
     bare = replace(seen, hull=seen.hull.without(prism, high))
     if seen.hull.lost_in(bare.hull) < _LEAST_VOXELS:
@@ -207,7 +211,7 @@ def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
     lost = lost_share(seen.chords, seen.chords.within(prism, high))
     reach = _REACH_VOXELS * seen.hull.spacing
     old, new, count = disagreements(seen.images, seen.scene, bare.scene, reach) if lost <= MOST_LOST else (0.0, 0.0, 0)
-    good = lost <= MOST_LOST and (count < _LEAST_RAYS or new <= _NO_WORSE * old)
+    good = better((old, new, count), _GAIN, _LEAST_RAYS, untold=False) and new <= _MOST_LEFT
     logger.info(
         "skin of area %.4f over a plane with normal %s at %.4f: views disagree by %.2f for %.2f of the hull, %d rays, "
         "%.1f %% of the contours lost%s",
