@@ -36,6 +36,17 @@ def test_a_small_face_without_a_shown_edge_is_proposed_with_its_points():
     assert "patch 12" in found.name
 
 
+def test_several_are_proposed_together_first():
+    """The walls and the floor of a nook that is none."""
+    edges = (edge(0, 1), edge(0, 2, CONCAVE), edge(1, 3, CONCAVE), edge(2, 3, CONCAVE))
+    structure = Structure(tuple(Face(k, 1.0, np.zeros(3)) for k in range(4)), edges, ())
+    patches = [patch(10 + k, n) for k, n in enumerate((1000, 1000, 30, 20))]
+    both, first, second = unshown(structure, patches, [row(0, 0.02), row(1), row(2), row(3, None, 3.0)])
+    assert (both.gone, first.gone, second.gone) == ((2, 3), (2,), (3,))
+    assert both.excused == first.excused + second.excused
+    assert "12, 13" in both.name
+
+
 def test_a_silhouette_or_a_step_of_luminance_shows_a_face():
     assert case([row(0, 0.02), row(1, 0.05), row(2)]) == []
     assert case([row(0, 0.02), row(1), row(2, None, 0.2)]) == []

@@ -22,7 +22,7 @@ _LEAST = 1.5  # pixels that this is at least: of less, the points are no reason,
 
 
 def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapping[str, Any]]) -> list[Change]:
-    """Each patch left out no sharp edge of which the images show; its own points may leave the solid with it.
+    """All patches left out no sharp edge of which the images show, then each; their own points may leave the solid.
 
     Not a wall between two fillets, whose other edges are smooth: without it these would cross.
 
@@ -39,6 +39,11 @@ def unshown(structure: Structure, patches: Sequence[Patch], edges: Sequence[Mapp
         share = len(patch.xyz) / total
         if own and share <= _MOST and shown.isdisjoint(own) and not between_fillets(index, patches):
             found.append(Change(f"without patch {patch.primitive}, which no image shows", (index,), (), share))
+    if len(found) > 1:  # walls and floor of a nook that is none go together: alone, either leaves the others open
+        gone = tuple(change.gone[0] for change in found)
+        names = ", ".join(str(patches[k].primitive) for k in gone)
+        excused = sum(change.excused for change in found)
+        found.insert(0, Change(f"without patches {names}, which no image shows", gone, (), excused))
     return found
 
 
