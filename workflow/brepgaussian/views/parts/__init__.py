@@ -208,7 +208,7 @@ PARTS: dict[str, PartInfo] = {
     "cap_nut": PartInfo("discs", "a hemisphere on a plane", TUNED),
     "thumb_knob": PartInfo("discs", "scallops around a knob", HOLDOUT),
     "step_cone": PartInfo("discs", "a cone between cylinders, a stepped bore, a cross hole", HOLDOUT),
-    "spider": PartInfo("discs", "pins on a cube, in pairs", HOLDOUT),
+    "spider": PartInfo("discs", "pins on a cube, in pairs", TUNED),
     "j_hook": PartInfo("rods", "a ball that ends a bent rod", TUNED),
     "u_bolt": PartInfo("rods", "a rod that goes on in a half ring on both sides", HOLDOUT),
     "chain_link": PartInfo("rods", "two half rings and two rods, all tangent", HOLDOUT),
