@@ -126,7 +126,7 @@ def _bared(seen: "_Seen", edges: Edges, plane: Plane, known: Sequence[Plane]) ->
     hull = seen.hull
     lattice = lattice_of(seen.images, hull, plane, _CELLS)
     low, high = (voxels * hull.spacing for voxels in _SKIN_VOXELS)
-    covered, bare = _covered(hull, lattice, low, high, known)
+    covered, bare = _covered(seen, lattice, low, high, known)
     if covered.sum() * lattice.pitch**2 < _LEAST_AREA:
         return seen
     around, upon = _edge_cells(edges, lattice, -_BAND, _BAND), _edge_cells(edges, lattice, low, high)
@@ -143,17 +143,17 @@ def _bared(seen: "_Seen", edges: Edges, plane: Plane, known: Sequence[Plane]) ->
     return seen
 
 
-def _covered(hull: Volume, lattice: Lattice, low: float, high: float, known: Sequence[Plane]) -> tuple[Cells, Cells]:
+def _covered(seen: "_Seen", lattice: Lattice, low: float, high: float, known: Sequence[Plane]) -> tuple[Cells, Cells]:
     """(R, C) cells of a plane over which a hull's surface lies that no other plane tells, and where it is the plane."""
-    vertices, triangles = hull.mesh()
-    normals = vertex_normals(vertices, triangles)
-    cells, height = lattice.coordinates(vertices)
-    facing = normals @ lattice.normal
-    skin = (height > low) & (height < high) & (facing > _FACING)
+    height = seen.hull.mesh()[0] @ lattice.normal - float(lattice.origin @ lattice.normal)
+    near = np.flatnonzero((height > -low) & (height < high))
+    vertices, normals, height = seen.hull.mesh()[0][near], seen.normals[near], height[near]
+    cells, facing = lattice.coordinates(vertices)[0], normals @ lattice.normal
+    skin = (height > low) & (facing > _FACING)
     own = np.zeros(len(vertices), bool)
     for plane in known:
         if plane.normal @ lattice.normal > _OWN_FACING:
-            on = np.abs(vertices @ plane.normal - plane.offset) < _OWN_VOXELS * hull.spacing
+            on = np.abs(vertices @ plane.normal - plane.offset) < _OWN_VOXELS * seen.hull.spacing
             own |= skin & on & (normals @ plane.normal > _OWN_FACING)
     bare = (np.abs(height) <= low) & (facing > _FACING)
     step = ndimage.binary_dilation(_filled(lattice, cells[own]))  # with its rounded rim
@@ -232,6 +232,11 @@ class _Seen:
     def scene(self) -> Scene:
         """Its surface."""
         return self.hull.scene()
+
+    @cached_property
+    def normals(self) -> Array:
+        """(K, 3) unit normals at the vertices of its mesh."""
+        return vertex_normals(*self.hull.mesh())
 
     @cached_property
     def chords(self) -> Chords:
