@@ -165,6 +165,8 @@ def _concavities(shown: Shown, begun: _Begun) -> Opened:
 
 def _bared(shown: Shown, volume: Volume, planes: Sequence[Plane]) -> Volume:
     """A hull without skins over planes that the 3D edges of the images tell."""
+    if not planes:
+        return volume
     cloud = edge_cloud(shown.images.views, volume.scene(), shown.noise)
     return without_skins(shown.images, volume, Edges.of(cloud.points, cloud.directions), planes)
 
