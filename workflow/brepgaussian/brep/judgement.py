@@ -81,16 +81,6 @@ def short_of(new: Polished, old: Polished, settings: BrepSettings) -> str:
     return "" if better else f"the images agree little better ({after:.1f} for {before:.1f} limits)"
 
 
-def hardly_calmer(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> str:
-    """Why faces more are not worth it where only places that parallax puts elsewhere speak against a solid.
-
-    A few of these come and go: where a slot ends close to a wall, a false fillet took one of two away.
-    """
-    before, after = old.get("displaced") or 0.0, new.get("displaced") or 0.0
-    alone = badness(old, settings) < 1 and before >= settings.accept_displaced
-    return "hardly less lies elsewhere" if alone and after >= _CALMED * before else ""
-
-
 def mends(new: Mapping[str, Any], old: Mapping[str, Any], settings: BrepSettings) -> bool:
     """Whether a solid does away with a good part of all that the images have against another one, and adds nothing.
 

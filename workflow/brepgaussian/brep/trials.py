@@ -23,7 +23,6 @@ from brepgaussian.brep.judgement import (
     calms,
     completes,
     forlorn,
-    hardly_calmer,
     in_doubt,
     mends,
     shape_of,
@@ -346,7 +345,6 @@ class Trials:
                     against(polished, old, job.settings, smooth)
                     if simpler
                     else short_of(polished, self.best, job.settings)
-                    or hardly_calmer(polished.report, self.best.report, job.settings)
                 )
                 if fault and enough is not None and enough(polished.report, self.best.report, job.settings):
                     fault = ""
