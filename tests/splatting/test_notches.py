@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from blocks import BLOCK
-from brepgaussian.splatting import hull as stage
+from brepgaussian.splatting import opened as stage
 from brepgaussian.splatting.concave import notches
 from brepgaussian.splatting.concave.notches import _drawn, _notches, _Shown, _stands, _surely
 from brepgaussian.splatting.concave.prism import Lattice, Prism
@@ -119,6 +119,6 @@ def test_few_rays_refuse_a_notch(monkeypatch, rays, worse, deep, believed):
     said = np.zeros((rays, 3)), (np.full(rays, 0.5), told), (np.full(rays, 0.5 * worse), told), 0.0
     monkeypatch.setattr(notches, "changes", lambda *a: said)
     monkeypatch.setattr(notches, "lost_share", lambda *a: 0.0)
-    chords = SimpleNamespace(samples=lambda: np.zeros((1, 3)))
+    chords = SimpleNamespace(within=lambda prism, margin: np.zeros(1, bool))
     cut = notches._cut(None, BLOCK, BLOCK.scene(), Prism(lattice, cells, deep, False, 0.0), chords)
     assert (cut is not None) == believed
