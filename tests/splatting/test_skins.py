@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from blocks import BLOCK, GRID
-from brepgaussian.splatting.concave import Edges, Images, Plane, skins, without_skins
+from brepgaussian.splatting.concave import Images, Plane, skins, without_skins
 from brepgaussian.splatting.concave.prism import Lattice, plane_axes
 from brepgaussian.splatting.concave.volume import Volume
+from brepgaussian.splatting.evidence.edges import EdgeCloud
 from build123d import Align, Box, Pos
 from rendered import rendered
 
@@ -28,7 +29,11 @@ def lines(*ends):
         count = int(np.linalg.norm(end - start) / 0.002)
         points.append(start + np.linspace(0, 1, count)[:, None] * (end - start))
         directions.append(np.tile((end - start) / np.linalg.norm(end - start), (count, 1)))
-    return Edges(np.concatenate(points), np.concatenate(directions))
+    return cloud(np.concatenate(points), np.concatenate(directions))
+
+
+def cloud(points, directions):
+    return EdgeCloud(points.astype(np.float32), directions.astype(np.float32), np.full(len(points), 9, np.int16))
 
 
 def outline(x0, y0, x1, y1, z):
@@ -71,7 +76,7 @@ def test_planes_are_told_by_edges_among_others():
     along = np.column_stack([rng.normal(size=(600, 2)), np.zeros(600)])
     directions = np.concatenate([along, turned])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = skins._planes(Edges(np.concatenate([flat, other]), directions), np.array([0, 0, 1.0]), BLOCK)
+    found = skins._planes(cloud(np.concatenate([flat, other]), directions), np.array([0, 0, 1.0]), BLOCK)
     np.testing.assert_allclose(sorted(plane.offset for plane in found), heights, atol=3e-4)
 
 
@@ -100,7 +105,7 @@ def test_without_edges_around_it_a_skin_stays(images):
     hull = slotted(((LEFT - 0.1, 0.15, FLOOR - 0.1), (LEFT + 0.04, 0.85, 0.8)))
     other = lines(*[ends for ends in SLOT if ends[0][0] == ends[1][0] == RIGHT])
     assert without_skins(images, hull, other, FACES) is hull
-    none = Edges(np.zeros((0, 3)), np.zeros((0, 3)))
+    none = cloud(np.zeros((0, 3)), np.zeros((0, 3)))
     assert without_skins(images, hull, none, FACES) is hull
 
 
@@ -124,6 +129,7 @@ def test_a_pad_with_edges_of_its_own_is_no_skin(monkeypatch, edged):
     edges = lines(*around, *(outline(0.3, 0.3, 0.7, 0.7, 0.94) if edged else []))
     cut = []
     monkeypatch.setattr(skins, "_cut", lambda seen, lattice, skin, high: cut.append(skin) or seen)
+    monkeypatch.setattr(skins, "rays_at_object", lambda images: None)
     monkeypatch.setattr(skins, "lattice_of", lambda images, hull, plane, most: _lattice(plane))
     without_skins(None, hull, edges, FACES)
     assert bool(cut) != edged

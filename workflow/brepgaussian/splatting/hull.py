@@ -120,8 +120,8 @@ def _hull(found: Opened) -> Hull:
     """The mesh of an opened field, with what was opened."""
     vertices, triangles = found.volume.mesh()
     normals = vertex_normals(vertices, triangles)
-    opened = tuple(found.prisms), tuple(found.fillets), tuple(found.bends)
-    return Hull(vertices, triangles, normals, found.volume.spacing, *opened)
+    cuts = tuple(found.prisms), tuple(found.fillets), tuple(found.bends)
+    return Hull(vertices, triangles, normals, found.volume.spacing, *cuts)
 
 
 def _sample(

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from brepgaussian import log
 from brepgaussian.splatting.concave import (
     Bend,
-    Edges,
     Images,
     Plane,
     Prism,
@@ -168,7 +167,7 @@ def _bared(shown: Shown, volume: Volume, planes: Sequence[Plane]) -> Volume:
     if not planes:
         return volume
     cloud = edge_cloud(shown.images.views, volume.scene(), shown.noise)
-    return without_skins(shown.images, volume, Edges.of(cloud.points, cloud.directions), planes)
+    return without_skins(shown.images, volume, cloud, planes)
 
 
 def _moved(shown: Shown, found: Opened, concavities: bool) -> Opened:

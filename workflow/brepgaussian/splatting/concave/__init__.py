@@ -22,12 +22,11 @@ from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.recess import open_recesses
 from brepgaussian.splatting.concave.refill import refilled
-from brepgaussian.splatting.concave.skins import Edges, without_skins
+from brepgaussian.splatting.concave.skins import without_skins
 from brepgaussian.splatting.concave.widening import widen
 
 __all__ = [
     "Bend",
-    "Edges",
     "Images",
     "Plane",
     "Prism",

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from brepgaussian import log
 from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_at_object
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.planes import PARALLEL, Plane
+from brepgaussian.splatting.concave.planes import Plane, axes_of
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.turned import axis_of_rotation
 from brepgaussian.splatting.concave.volume import Volume
@@ -94,11 +94,8 @@ def open_alike(images: Images, hull: Volume, planes: Sequence[Plane]) -> Volume:
 def _directions(hull: Volume, mesh: tuple[Array, NDArray[np.int64]], planes: Sequence[Plane]) -> list[Array]:
     """Unit directions (3,) that a hull may be turned about: of its axis of rotation, and across its faces."""
     axis = axis_of_rotation(*mesh, _NEAR_VOXELS * hull.spacing)
-    found: list[Array] = []
-    for direction in [*([] if axis is None else [axis.direction]), *(plane.normal for plane in planes)]:
-        if all(abs(direction @ other) < PARALLEL for other in found):
-            found.append(direction)
-    return found[:_MOST_DIRECTIONS]
+    about = [] if axis is None else [axis.direction]
+    return axes_of([*about, *(plane.normal for plane in planes)])[:_MOST_DIRECTIONS]
 
 
 def _turns(directions: Sequence[Array], middle: Array) -> Iterator[Motion]:

@@ -89,6 +89,15 @@ class PlanarRegion(Plane):
         return Lattice(origin, first, second, self.normal, pitch, (int(rows), int(columns)))
 
 
+def axes_of(ways: Sequence[Array]) -> list[Array]:
+    """Each of several unit directions (3,) once, whichever way it points."""
+    found: list[Array] = []
+    for way in ways:
+        if all(abs(way @ other) < PARALLEL for other in found):
+            found.append(way)
+    return found
+
+
 def lattice_over(region: PlanarRegion, mesh: tuple[Array, NDArray[np.int64]], footprint: float) -> Lattice:
     """A lattice over a region of a mesh about as fine as pixels of a `footprint` see it."""
     lattice = region.lattice(*mesh, PITCH_PIXELS * footprint)

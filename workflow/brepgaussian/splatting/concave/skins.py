@@ -10,22 +10,26 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian import log
-from brepgaussian.splatting.concave.agreement import better, disagreements
+from brepgaussian.splatting.concave.agreement import Rays, better, disagreements, rays_at_object
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
 from brepgaussian.splatting.concave.floors import lattice_of
 from brepgaussian.splatting.concave.openings import Images
-from brepgaussian.splatting.concave.planes import PARALLEL, Plane
-from brepgaussian.splatting.concave.prism import Lattice, Prism, over
+from brepgaussian.splatting.concave.planes import Plane, axes_of
+from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sweep import MOST_LOST
 from brepgaussian.splatting.concave.volume import Volume
 from brepgaussian.splatting.mesh import vertex_normals
+
+if TYPE_CHECKING:
+    from brepgaussian.splatting.evidence.edges import EdgeCloud
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -54,20 +58,7 @@ _REACH_VOXELS = 1.0  # rays on which less changes don't judge
 logger = log.get_logger("stage1")
 
 
-@dataclass(frozen=True)
-class Edges:
-    """3D edges: (N, 3) points, (N, 3) unit directions."""
-
-    points: Array
-    directions: Array
-
-    @staticmethod
-    def of(points: NDArray[np.float32], directions: NDArray[np.float32]) -> "Edges":
-        """Those of an edge cloud."""
-        return Edges(points.astype(float), directions.astype(float))
-
-
-def without_skins(images: Images, hull: Volume, edges: Edges, planes: Sequence[Plane]) -> Volume:
+def without_skins(images: Images, hull: Volume, edges: "EdgeCloud", planes: Sequence[Plane]) -> Volume:
     """A hull without its skins over planes that 3D edges tell.
 
     Args:
@@ -83,7 +74,7 @@ def without_skins(images: Images, hull: Volume, edges: Edges, planes: Sequence[P
         return hull
     told = [plane for way in _ways(planes) for plane in _planes(edges, way, hull)]
     every = [*planes, *told, *(Plane(-p.normal, -p.offset) for p in told)]
-    seen = _Seen(images, hull)
+    seen = _Seen(images, rays_at_object(images), hull)
     for plane in told:
         for side in (1.0, -1.0):
             seen = _bared(seen, edges, Plane(side * plane.normal, side * plane.offset), every)
@@ -94,14 +85,10 @@ def _ways(planes: Sequence[Plane]) -> list[Array]:
     """Unit normals (3,) that faces may have, each with its opposite once: of known ones, and square to two of these."""
     normals = [plane.normal for plane in planes]
     square = [np.cross(a, b) for a, b in combinations(normals, 2) if abs(a @ b) < _SQUARE]
-    found: list[Array] = []
-    for way in (*normals, *square):
-        if not any(abs(way @ other) > PARALLEL for other in found):
-            found.append(way / np.linalg.norm(way))
-    return found
+    return axes_of([*normals, *(way / np.linalg.norm(way) for way in square)])
 
 
-def _planes(edges: Edges, way: Array, hull: Volume) -> Iterator[Plane]:
+def _planes(edges: "EdgeCloud", way: Array, hull: Volume) -> Iterator[Plane]:
     """Planes across a way on which many edges of a hull lie."""
     heights = np.sort((edges.points @ way)[np.abs(edges.directions @ way) < _ALONG])
     if len(heights) < _LEAST_EDGES:
@@ -121,7 +108,7 @@ def _planes(edges: Edges, way: Array, hull: Volume) -> Iterator[Plane]:
             yield Plane(way, height)
 
 
-def _bared(seen: "_Seen", edges: Edges, plane: Plane, known: Sequence[Plane]) -> "_Seen":
+def _bared(seen: "_Seen", edges: "EdgeCloud", plane: Plane, known: Sequence[Plane]) -> "_Seen":
     """A hull without the skins over one side of a plane."""
     hull = seen.hull
     lattice = lattice_of(seen.images, hull, plane, _CELLS)
@@ -171,20 +158,22 @@ def _lines(lattice: Lattice, planes: Sequence[Plane]) -> Cells:
 
 def _filled(lattice: Lattice, cells: Array) -> Cells:
     """(R, C) where fractional cells (N, 2) lie, gaps between them closed."""
+    return np.asarray(ndimage.binary_closing(_marked(lattice, cells)))
+
+
+def _marked(lattice: Lattice, cells: Array) -> Cells:
+    """(R, C) where fractional cells (N, 2) lie."""
     found = np.zeros(lattice.shape, bool)
     index = np.round(cells).astype(int)
     index = index[((index >= 0) & (index < lattice.shape)).all(axis=1)]
     found[tuple(index.T)] = True
-    return np.asarray(ndimage.binary_closing(found))
-
-
-def _edge_cells(edges: Edges, lattice: Lattice, low: float, high: float) -> Cells:
-    """(R, C) cells with edges at some heights over them."""
-    within, height = over(lattice, np.ones(lattice.shape, bool), edges.points)
-    chosen = within & (height > low) & (height < high)
-    found = np.zeros(lattice.shape, bool)
-    found[tuple(np.round(lattice.coordinates(edges.points[chosen])[0]).astype(int).T)] = True
     return found
+
+
+def _edge_cells(edges: "EdgeCloud", lattice: Lattice, low: float, high: float) -> Cells:
+    """(R, C) cells with edges at some heights over them."""
+    cells, height = lattice.coordinates(edges.points.astype(float))
+    return _marked(lattice, cells[(height > low) & (height < high)])
 
 
 def _is_bordered(face: Cells, skin: Cells, around: Cells, upon: Cells, ends: Cells) -> bool:
@@ -209,23 +198,26 @@ def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
     if seen.hull.lost_in(bare.hull) < _LEAST_VOXELS:
         return seen
     lost = lost_share(seen.chords, seen.chords.within(prism, high))
-    reach = _REACH_VOXELS * seen.hull.spacing
-    old, new, count = disagreements(seen.images, seen.scene, bare.scene, reach) if lost <= MOST_LOST else (0.0, 0.0, 0)
-    good = better((old, new, count), _GAIN, _LEAST_RAYS, untold=False) and new <= _MOST_LEFT
+    good, told = lost <= MOST_LOST, ""
+    if good:  # else views need not be asked
+        reach = _REACH_VOXELS * seen.hull.spacing
+        old, new, count = said = disagreements(seen.images, seen.scene, bare.scene, reach, seen.rays)
+        good = better(said, _GAIN, _LEAST_RAYS, untold=False) and new <= _MOST_LEFT
+        told = f", views disagree by {new:.2f} for {old:.2f} of the hull, {count} rays"
     logger.info(
-        "skin of area %.4f over a plane with normal %s at %.4f: views disagree by %.2f for %.2f of the hull, %d rays, "
-        "%.1f %% of the contours lost%s",
+        "skin of area %.4f over a plane with normal %s at %.4f: %.1f %% of the contours lost%s%s",
         skin.sum() * lattice.pitch**2, np.round(lattice.normal, 2).tolist(), float(lattice.origin @ lattice.normal),
-        new, old, count, 100 * lost, "" if good else ": not believed",
+        100 * lost, told, "" if good else ": not believed",
     )  # fmt: skip
     return bare if good else seen
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """A hull, and the images that tell of it."""
+    """A hull, the images that tell of it, and rays of theirs."""
 
     images: Images
+    rays: Rays
     hull: Volume
 
     @cached_property

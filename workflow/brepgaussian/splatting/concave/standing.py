@@ -73,8 +73,7 @@ def _filling(
     if not sure:
         return []
     chords = chords_in(scene, *images.contour_rays)
-    samples = chords.samples()
-    over = [Prism(stack.lattice, core, 0.0, False, 0.0).contains(samples, top) for core, _, top in sure]
+    over = [chords.within(Prism(stack.lattice, core, 0.0, False, 0.0), top) for core, _, top in sure]
     return [
         (outline, top)
         for (_, outline, top), removed in zip(sure, over, strict=True)
