@@ -76,8 +76,27 @@ def test_planes_are_told_by_edges_among_others():
     along = np.column_stack([rng.normal(size=(600, 2)), np.zeros(600)])
     directions = np.concatenate([along, turned])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = skins._planes(cloud(np.concatenate([flat, other]), directions), np.array([0, 0, 1.0]), BLOCK)
-    np.testing.assert_allclose(sorted(plane.offset for plane in found), heights, atol=3e-4)
+    found = list(skins._planes(cloud(np.concatenate([flat, other]), directions), np.array([0, 0, 1.0]), BLOCK))
+    np.testing.assert_allclose(sorted(plane.offset for plane, _ in found), heights, atol=3e-4)
+    assert all(sure for _, sure in found)
+
+
+def test_few_edges_of_a_nook_tell_a_plane_beside_the_many_of_rims():
+    rng = np.random.default_rng(5)
+    heights = np.repeat([0.01, 0.99, 0.35], [9000, 9000, 100])
+    points = np.column_stack([rng.random((18100, 2)), heights + rng.normal(0, 0.0007, 18100)])
+    along = np.column_stack([rng.normal(size=(18100, 2)), np.zeros(18100)])
+    directions = along / np.linalg.norm(along, axis=1, keepdims=True)
+    found = {
+        round(plane.offset, 2): sure
+        for plane, sure in skins._planes(cloud(points, directions), np.array([0, 0, 1.0]), BLOCK)
+    }
+    assert found == {0.01: True, 0.99: True, 0.35: False}
+
+
+def test_skins_below_what_no_views_agree_about_are_those_that_halve_it():
+    good = [skins._is_better(said) for said in ((2.0, 0.8, 500), (2.0, 1.1, 500), (0.9, 0.55, 500), (2.0, 0.8, 5))]
+    assert good == [True, False, True, False]
 
 
 def test_directions_are_those_of_faces_and_square_to_two():

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from brepgaussian.artifacts.views import OPAQUE
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave import Images
 from brepgaussian.splatting.concave.scene import Scene
@@ -85,7 +86,7 @@ class _Surface:
 def _clear(regions: NDArray[np.integer], alpha: NDArray[np.uint8]) -> Bools:
     """(H, W) pixels clear of the borders of regions and of the silhouette."""
     same = ndimage.minimum_filter(regions, 3) == ndimage.maximum_filter(regions, 3)
-    within: Bools = ndimage.distance_transform_edt(same & (regions > 0) & (alpha > OPAQUE)) > _CLEAR_PX
+    within: Bools = inner_distance(same & (regions > 0) & (alpha > OPAQUE)) > _CLEAR_PX
     return within
 
 

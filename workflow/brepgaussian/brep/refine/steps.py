@@ -14,6 +14,7 @@ from brepgaussian.artifacts.views import OPAQUE
 from brepgaussian.brep.refine.looks import LEAST_FACING, clear_of_edges, largest_areas
 from brepgaussian.brep.refine.visibility import Scene, look
 from brepgaussian.brep.structure import Structure
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave import Images as Shown
 
@@ -101,7 +102,7 @@ def _steps(luminance: NDArray[np.float32], alpha: NDArray[np.uint8], tolerance: 
         return np.zeros((0, 2), np.int64)
     box = ndimage.find_objects(opaque.astype(np.int8))[0]
     grey = luminance[box].astype(np.float64)
-    deep = ndimage.distance_transform_edt(np.pad(opaque[box], 1))[1:-1, 1:-1] > _CLEAR_PX
+    deep = inner_distance(opaque[box]) > _CLEAR_PX
     down, right = (ndimage.gaussian_filter(grey, _BLUR, order=order) for order in ((1, 0), (0, 1)))
     steep = np.hypot(down, right)
     at = np.argwhere(deep & (steep > _STEEP * tolerance))

@@ -10,11 +10,10 @@ from brepgaussian.artifacts.views import OPAQUE
 from brepgaussian.geometry.rows import distinct
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.radiance import differences
-from brepgaussian.splatting.concave.scene import Scene
+from brepgaussian.splatting.concave.scene import Hits, Scene
 from brepgaussian.splatting.concave.shapes import Costs
 
 Array = NDArray[np.float64]
-Hits = tuple[NDArray[np.float32], NDArray[np.float32]]  # (N,) distances along rays, and (N, 3) normals there
 
 _STRIDE_PX = 4
 _MOST_RAYS = 400_000  # around one place: every pixel of all views if it is small
@@ -57,7 +56,7 @@ class Rays:
     def costs(self, scene: Scene) -> Costs:
         """(N,) difference of each ray from its place on a surface, in tolerances, and (N,) whether it tells any."""
         against, told = np.full(len(self.origin), _CAP), np.ones(len(self.origin), bool)
-        distance, normal = scene.hits(self.origin, self.direction)
+        distance, normal = scene.hits_of(self)
         met = np.isfinite(distance)
         points = self.origin[met] + distance[met, None] * self.direction[met]
         against[met], told[met] = _differences(points, normal[met], self.grey[met], self.side, self.tolerance)
@@ -92,7 +91,13 @@ def mean_cost(costs: Costs) -> float:
 
 
 def rays_at_object(images: Images, stride: int = _STRIDE_PX) -> Rays:
-    """A ray for every few pixels, `stride` along each side, that surely show the object."""
+    """A ray for every few pixels, `stride` along each side, that surely show the object; asked for again, the same."""
+    if stride not in images.known_rays:
+        images.known_rays[stride] = _evenly(images, stride)
+    return images.known_rays[stride]
+
+
+def _evenly(images: Images, stride: int) -> Rays:
     views = images.views
     whole = np.array([[0, 0], [views.cameras.height, views.cameras.width]])
     return _rays(images, [whole] * len(views.cameras), stride)
@@ -152,7 +157,7 @@ def disagreements(
 def preferred(images: Images, one: Scene, other: Scene, reach: float) -> bool:
     """Whether views agree better on the other of two surfaces, where they differ by more than `reach`."""
     rays = rays_at_object(images)
-    first, second = (s.distances(rays.origin, rays.direction) for s in (one, other))
+    first, second = (s.hits_of(rays)[0] for s in (one, other))
     met = np.isfinite(first) & np.isfinite(second)
     apart = np.isfinite(first) != np.isfinite(second)
     apart[met] = np.abs(first[met] - second[met]) > reach
@@ -194,7 +199,7 @@ def one_surface(images: Images, before: Scene, after: Scene, reach: float) -> fl
 
 def _changed(rays: Rays, before: Scene, after: Scene, reach: float) -> tuple[Hits, Hits, NDArray[np.bool_]]:
     """Where rays hit two surfaces, and (N,) on which these differ by more than `reach`."""
-    first, second = before.hits(rays.origin, rays.direction), after.hits(rays.origin, rays.direction)
+    first, second = before.hits_of(rays), after.hits_of(rays)
     met = np.isfinite(first[0])
     changed = met.copy()
     changed[met] = second[0][met] - first[0][met] > reach

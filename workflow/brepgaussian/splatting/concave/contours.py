@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from brepgaussian.artifacts.views import Views
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.concave.scene import Scene
 
@@ -111,7 +111,7 @@ def chords_in(scene: Scene, origins: Array, directions: Array) -> Chords:
 
 def _pixels(alpha: NDArray[np.uint8]) -> Array:
     """(R, 2) centres of pixels just inside a silhouette's contour, and of some in its middle."""
-    depth = ndimage.distance_transform_edt(np.pad(alpha > 127, 1))[1:-1, 1:-1] - 0.5
+    depth = inner_distance(alpha > 127) - 0.5
     rim = np.flatnonzero((depth > _INSET_PX) & (depth <= _INSET_PX + 1))[::_STRIDE]
     middle = np.zeros(depth.shape, bool)
     middle[::_INNER_STRIDE_PX, ::_INNER_STRIDE_PX] = True

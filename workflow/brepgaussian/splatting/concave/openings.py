@@ -1,8 +1,9 @@
 """Where views disagree with a lid: openings in a plane or a smooth face of the hull."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,11 +39,15 @@ OPENING_CELLS = 3  # an opening narrower than twice this is not told from blur
 
 @dataclass(frozen=True)
 class Images:
-    """What the cameras saw: `views`, their grey levels (V, H, W), and by how many of these one place may differ."""
+    """What the cameras saw: `views`, their grey levels (V, H, W), and by how many of these one place may differ.
+
+    `known_rays` keeps those at the object (`agreement.rays_at_object`), by their stride.
+    """
 
     views: Views
     luminance: NDArray[np.float32]
     tolerance: float
+    known_rays: dict[int, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(views: Views, noise: float = 0.0) -> "Images":

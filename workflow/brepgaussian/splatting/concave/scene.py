@@ -12,6 +12,8 @@ from scipy.spatial import cKDTree
 from brepgaussian.splatting.concave.prism import Prism
 from brepgaussian.splatting.mesh import vertex_normals
 
+Hits = tuple[NDArray[np.float32], NDArray[np.float32]]  # (N,) distances along rays, and (N, 3) normals there
+
 
 class Scene:
     """A triangle mesh to cast rays against.
@@ -26,6 +28,7 @@ class Scene:
     ) -> None:
         self.rims = tuple(rims)
         self.vertices, self.triangles = np.asarray(vertices, np.float64), np.asarray(triangles, np.int64)
+        self._last: tuple[Any, Hits] | None = None
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))
 
@@ -79,9 +82,13 @@ class Scene:
             return np.zeros(0, np.float32)
         return self._scene.cast_rays(_rays(origins, directions))["t_hit"].numpy()
 
-    def hits(
-        self, origins: NDArray[np.floating], directions: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def hits_of(self, rays: Any) -> Hits:
+        """As `hits`, of rays with `origin` and `direction`; the last answer is kept, since one hull is asked often."""
+        if self._last is None or self._last[0] is not rays:
+            self._last = rays, self.hits(rays.origin, rays.direction)
+        return self._last[1]
+
+    def hits(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
         """(N,) distance to the first crossing of rays with the mesh, infinite where there is none; (N, 3) normals."""
         if not len(origins):
             return np.zeros(0, np.float32), np.zeros((0, 3), np.float32)

@@ -51,7 +51,9 @@ _BORDER_CELLS = 3  # from an edge on the plane a face's border is told
 _BORDERED = 0.4  # of it, at least
 _OWN_EDGES = 0.25  # as many edges on a skin as around it, at most
 _GAIN = 0.7  # of the disagreement is left at most, by true ones .2-.64, by cuts into a knuckle .67 and .75,
-_MOST_LEFT = 0.6  # and so many tolerances: true ones up to .5, those cuts .87 and 1.0
+_MOST_LEFT = 0.6  # and so many tolerances: true ones up to .5, those cuts .87 and 1.0; or
+_HALF = 0.5  # of the disagreement, whatever it was: in a deep nook no two views see the same
+_DOUBTED = 0.15  # tolerances by which rays differ on a skin, at least: .31 to 2.2 measured, up to .12 on true faces
 _LEAST_RAYS = 30  # that tell so
 _REACH_VOXELS = 1.0  # rays on which less changes don't judge
 
@@ -72,44 +74,69 @@ def without_skins(images: Images, hull: Volume, edges: "EdgeCloud", planes: Sequ
     """
     if not len(edges.points):
         return hull
-    told = [plane for way in _ways(planes) for plane in _planes(edges, way, hull)]
-    every = [*planes, *told, *(Plane(-p.normal, -p.offset) for p in told)]
+    found = [each for way in _ways(planes) for each in _planes(edges, way, hull)]
+    told, surely = [plane for plane, _ in found], [plane for plane, sure in found if sure]
+    every = [*planes, *surely, *(Plane(-p.normal, -p.offset) for p in surely)]
     seen = _Seen(images, rays_at_object(images), hull)
     for plane in told:
         for side in (1.0, -1.0):
-            seen = _bared(seen, edges, Plane(side * plane.normal, side * plane.offset), every)
+            for parting in (planes, every):
+                seen = _bared(seen, edges, Plane(side * plane.normal, side * plane.offset), every, parting)
     return seen.hull
 
 
 def _ways(planes: Sequence[Plane]) -> list[Array]:
-    """Unit normals (3,) that faces may have, each with its opposite once: of known ones, and square to two of these."""
-    normals = [plane.normal for plane in planes]
-    square = [np.cross(a, b) for a, b in combinations(normals, 2) if abs(a @ b) < _SQUARE]
-    return axes_of([*normals, *(way / np.linalg.norm(way) for way in square)])
+    """Unit normals (3,) that faces may have, each with its opposite once: of known ones, square to two of these, and
+    of known ones mirrored across faces that others stand square on: on a part that is alike on both sides.
+    """
+    normals = axes_of([plane.normal for plane in planes])
+    pairs = [(a, b) for a, b in combinations(normals, 2) if abs(a @ b) < _SQUARE]
+    square = [np.cross(a, b) / np.linalg.norm(np.cross(a, b)) for a, b in pairs]
+    across = [a for a in normals if sum(abs(a @ b) < _SQUARE for b in normals) > 1]
+    mirrored = [n - 2 * (n @ way) * way for n in normals for way in across]
+    return axes_of([*normals, *square, *mirrored])
 
 
-def _planes(edges: "EdgeCloud", way: Array, hull: Volume) -> Iterator[Plane]:
-    """Planes across a way on which many edges of a hull lie."""
+def _planes(edges: "EdgeCloud", way: Array, hull: Volume) -> Iterator[tuple[Plane, bool]]:
+    """Planes across a way on which many edges of a hull lie, those with most first; and whether they stand out of all.
+
+    Others stand out of those that lie on no plane before: few edges show in a nook, many at the rims of a whole part.
+    """
     heights = np.sort((edges.points @ way)[np.abs(edges.directions @ way) < _ALONG])
-    if len(heights) < _LEAST_EDGES:
+    if not len(heights):
         return
     centers = np.arange(heights[0], heights[-1] + _BAND, _BAND)
     first, last = (np.searchsorted(heights, centers + side * _BAND) for side in (-1, 1))
     count = last - first
-    by_chance = len(heights) * 2 * _BAND / float(np.ptp(hull.box @ way))
-    least = max(_LEAST_EDGES, _PROMINENT * by_chance)
+    share = 2 * _BAND / float(np.ptp(hull.box @ way))
+    free = np.ones(len(heights), bool)
     taken: list[float] = []
     for k in np.argsort(-count, kind="stable"):
-        if count[k] < least:
+        by_chance = share * np.array([len(heights), free.sum()])
+        if count[k] < max(_LEAST_EDGES, _PROMINENT * by_chance[1]):
             break
         height = float(np.median(heights[first[k] : last[k]]))
         if all(abs(height - other) > _APART_VOXELS * hull.spacing for other in taken):
             taken.append(height)
-            yield Plane(way, height)
+            free &= np.abs(heights - height) > _BAND
+            yield Plane(way, height), bool(count[k] >= _PROMINENT * by_chance[0])
 
 
-def _bared(seen: "_Seen", edges: "EdgeCloud", plane: Plane, known: Sequence[Plane]) -> "_Seen":
-    """A hull without the skins over one side of a plane."""
+def _bared(
+    seen: "_Seen", edges: "EdgeCloud", plane: Plane, known: Sequence[Plane], parting: Sequence[Plane]
+) -> "_Seen":
+    """A hull without the skins over one side of a plane.
+
+    Edges and some other planes part a face from what lies past it, such as a bore's wall below a slot's floor. The
+    fewer planes do, the more of a skin goes, or stays, as one: those that only edges tell may lie elsewhere.
+
+    Args:
+        seen: the hull.
+        edges: of the images.
+        plane: that is bared.
+        known: on which a hull's surface is no skin.
+        parting: that end faces where they cross the plane.
+    """
     hull = seen.hull
     lattice = lattice_of(seen.images, hull, plane, _CELLS)
     low, high = (voxels * hull.spacing for voxels in _SKIN_VOXELS)
@@ -117,8 +144,7 @@ def _bared(seen: "_Seen", edges: "EdgeCloud", plane: Plane, known: Sequence[Plan
     if covered.sum() * lattice.pitch**2 < _LEAST_AREA:
         return seen
     around, upon = _edge_cells(edges, lattice, -_BAND, _BAND), _edge_cells(edges, lattice, low, high)
-    # edges and other planes part the face from what lies past them, such as a bore's wall below a slot's floor
-    ends = _lines(lattice, known)
+    ends = _lines(lattice, parting)
     free = ~ends & ~hull.inside((lattice.centers() + high * lattice.normal).reshape(-1, 3)).reshape(lattice.shape)
     labels, count = ndimage.label(ndimage.binary_closing(covered | bare) & ~ends & ~ndimage.binary_closing(around))
     for k in range(1, count + 1):
@@ -193,6 +219,8 @@ def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
 
     Edges crowd where a circle touches a plane, too, in which no face lies.
     """
+    if not seen.doubted(lattice, skin, high):
+        return seen
     prism = Prism(lattice, skin, 0.0, False, 0.0)
     bare = replace(seen, hull=seen.hull.without(prism, high))
     if seen.hull.lost_in(bare.hull) < _LEAST_VOXELS:
@@ -202,7 +230,7 @@ def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
     if good:  # else views need not be asked
         reach = _REACH_VOXELS * seen.hull.spacing
         old, new, count = said = disagreements(seen.images, seen.scene, bare.scene, reach, seen.rays)
-        good = better(said, _GAIN, _LEAST_RAYS, untold=False) and new <= _MOST_LEFT
+        good = _is_better(said)
         told = f", views disagree by {new:.2f} for {old:.2f} of the hull, {count} rays"
     logger.info(
         "skin of area %.4f over a plane with normal %s at %.4f: %.1f %% of the contours lost%s%s",
@@ -210,6 +238,12 @@ def _cut(seen: "_Seen", lattice: Lattice, skin: Cells, high: float) -> "_Seen":
         100 * lost, told, "" if good else ": not believed",
     )  # fmt: skip
     return bare if good else seen
+
+
+def _is_better(said: tuple[float, float, int]) -> bool:
+    """Whether views agree much better without a skin; see `agreement.disagreements`."""
+    old, new, _ = said
+    return better(said, _GAIN, _LEAST_RAYS, untold=False) and (new <= _MOST_LEFT or new <= _HALF * old)
 
 
 @dataclass(frozen=True)
@@ -224,6 +258,19 @@ class _Seen:
     def scene(self) -> Scene:
         """Its surface."""
         return self.hull.scene()
+
+    @cached_property
+    def told(self) -> tuple[Array, Array]:
+        """(M, 3) where rays hit it that tell anything, and (M,) tolerances by which they differ there."""
+        return self.rays.told(self.scene)
+
+    def doubted(self, lattice: Lattice, skin: Cells, high: float) -> bool:
+        """Whether views may disagree about a skin (R, C) over a lattice, up to a height."""
+        cells, height = lattice.coordinates(self.told[0])
+        on = (height > 0) & (height < high)
+        index = np.clip(np.round(cells[on]).astype(int), 0, np.array(skin.shape) - 1)
+        costs = self.told[1][on][skin[tuple(index.T)]]
+        return len(costs) < _LEAST_RAYS or float(costs.mean()) >= _DOUBTED
 
     @cached_property
     def normals(self) -> Array:

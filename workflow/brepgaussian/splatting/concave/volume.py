@@ -52,7 +52,9 @@ class Volume:
     def _mesh(self) -> tuple[Array, NDArray[np.int64]]:
         from skimage.measure import marching_cubes
 
-        vertices, triangles, _, _ = marching_cubes(self.field, 0.0, gradient_direction="ascent")
+        vertices, triangles, _, _ = marching_cubes(
+            self.field, 0.0, gradient_direction="ascent", mask=_crossed(self.field)
+        )
         return self.origin + self.spacing * vertices.astype(np.float64), triangles.astype(np.int64)
 
     def scene(self, rims: Sequence[Prism] = ()) -> Scene:
@@ -110,6 +112,18 @@ class Volume:
         part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
         steps = [origin[k] + spacing * np.arange(low[k], high[k]) for k in range(3)]
         return part, np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _crossed(field: Field) -> NDArray[np.bool_]:
+    """(n, n, n) cells that the surface crosses, named by their last corners: marching cubes need visit no others."""
+    some = field > 0
+    every = some.copy()
+    for axis in range(3):
+        first, last = ([slice(None)] * axis + [part] for part in (slice(None, -1), slice(1, None)))
+        some, every = some[tuple(first)] | some[tuple(last)], every[tuple(first)] & every[tuple(last)]
+    crossed = np.zeros(field.shape, bool)
+    crossed[1:, 1:, 1:] = some & ~every
+    return crossed
 
 
 def ends_of(prism: Prism, margin: float) -> Array:
