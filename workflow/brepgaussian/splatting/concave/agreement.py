@@ -93,14 +93,10 @@ def mean_cost(costs: Costs) -> float:
 def rays_at_object(images: Images, stride: int = _STRIDE_PX) -> Rays:
     """A ray for every few pixels, `stride` along each side, that surely show the object; asked for again, the same."""
     if stride not in images.known_rays:
-        images.known_rays[stride] = _evenly(images, stride)
+        cameras = images.views.cameras
+        whole = np.array([[0, 0], [cameras.height, cameras.width]])
+        images.known_rays[stride] = _rays(images, [whole] * len(cameras), stride)
     return images.known_rays[stride]
-
-
-def _evenly(images: Images, stride: int) -> Rays:
-    views = images.views
-    whole = np.array([[0, 0], [views.cameras.height, views.cameras.width]])
-    return _rays(images, [whole] * len(views.cameras), stride)
 
 
 def rays_near(images: Images, places: Array) -> Rays:

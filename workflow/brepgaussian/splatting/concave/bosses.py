@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.draw import circle, fitted
 from brepgaussian.splatting.concave.openings import Images, across
@@ -157,7 +158,7 @@ def _rough(island: Prism) -> Iterator[Section]:
         yield section
     middle = np.argwhere(island.outline).mean(axis=0)
     yield circle([float(middle[0]), float(middle[1]), float(np.sqrt(island.outline.sum() / np.pi))])
-    inside = ndimage.distance_transform_edt(np.pad(island.outline, 1))[1:-1, 1:-1]
+    inside = inner_distance(island.outline)
     row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
     yield circle([float(row), float(column), float(inside[row, column])])
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.splatting.concave.draw import around, border_of, circle, nearest
 from brepgaussian.splatting.concave.openings import (
     OPENING_CELLS,
@@ -102,7 +103,7 @@ def _inscribed(opening: Outline, stack: Stack) -> Outline:
 
 def _disc(opening: Outline, stack: Stack) -> Section | None:
     """The largest disc in an opening (R, C), if arcs of the rim lie on its border."""
-    away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
+    away = inner_distance(opening)
     disc = circle([*(float(k) for k in np.unravel_index(int(np.argmax(away)), away.shape)), float(away.max())])
     rim = _rim(border_of(opening), opening, stack)
     for _ in range(_ROUNDS):
@@ -119,7 +120,7 @@ def _disc(opening: Outline, stack: Stack) -> Section | None:
 
 def _without_notches(opening: Outline, stack: Stack) -> Section | None:
     """The rectangle with round corners that the rim of an opening (R, C) tells, but for narrow notches through it."""
-    away = ndimage.distance_transform_edt(np.pad(opening, 1))[1:-1, 1:-1]
+    away = inner_distance(opening)
     reach = _NOTCHES * float(away.max())
     if not reach:
         return None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.optimize import least_squares
 
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.splatting.concave.curved_slots import Bent, bent_slot, start_of
 from brepgaussian.splatting.concave.sections import LEAST_STRAIGHT, Flatted, Keyed, Polygon, Rounded, Section
 
@@ -248,7 +249,7 @@ def _near(section: Section) -> Iterator[Family]:
 
 def _notched(outline: Cells) -> Iterator[Family]:
     """Circles with a flat or with a keyway, where the outline has less or more than the circle on one side."""
-    inside = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1]
+    inside = inner_distance(outline)
     middle = np.array(np.unravel_index(int(np.argmax(inside)), outline.shape), float)  # of the largest disc in it
     radius = float(inside.max())
     away = np.linalg.norm(np.moveaxis(np.indices(outline.shape), 0, -1) - middle, axis=-1)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.agreement import changes, mean_cost
 from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_share
@@ -127,7 +128,7 @@ def _drawn(images: Images, shown: _Shown, notch: Prism) -> Prism:
     section = fitted(notch.outline, opened)
     if section is None:
         return told
-    within = ndimage.distance_transform_edt(np.pad(shown.whole, 1))[1:-1, 1:-1]
+    within = inner_distance(shown.whole)
 
     def at_side(places: Array) -> Cells:
         return np.asarray(ndimage.map_coordinates(within, places.T, order=1, mode="nearest") < _AT_SIDE_CELLS)

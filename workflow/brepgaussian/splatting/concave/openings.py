@@ -3,18 +3,22 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from brepgaussian.artifacts.views import CLEAR, OPAQUE, Views
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.splatting.concave.contours import contour_rays
 from brepgaussian.splatting.concave.prism import Lattice, Prism
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.sample import sample
 from brepgaussian.views.noise import noise_of
+
+if TYPE_CHECKING:
+    from brepgaussian.splatting.concave.agreement import Rays
 
 Array = NDArray[np.float64]
 
@@ -47,7 +51,7 @@ class Images:
     views: Views
     luminance: NDArray[np.float32]
     tolerance: float
-    known_rays: dict[int, Any] = field(default_factory=dict, repr=False, compare=False)
+    known_rays: "dict[int, Rays]" = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(views: Views, noise: float = 0.0) -> "Images":
@@ -106,7 +110,7 @@ class Stack:
 
     @cached_property
     def _inner(self) -> NDArray[np.bool_]:
-        return np.asarray(ndimage.distance_transform_edt(np.pad(self.domain, 1))[1:-1, 1:-1] > BORDER_CELLS)
+        return np.asarray(inner_distance(self.domain) > BORDER_CELLS)
 
     @cached_property
     def slope(self) -> Array:

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.log import get_logger
 from brepgaussian.splatting.concave.openings import Images, Stack, across, is_framed, openings, rectify
 from brepgaussian.splatting.concave.planes import PARALLEL, Plane
@@ -43,7 +43,7 @@ def settled(
     wide = [outline for outline in openings(stack, least_area) if rimmed(outline, stack)]
     if not wide or is_framed(stack, wide[0]):
         return stack, False
-    away = ndimage.distance_transform_edt(np.pad(stack.domain, 1))[1:-1, 1:-1]
+    away = inner_distance(stack.domain)
     starts = [stack.lattice, *_parallel(stack.lattice, known)]
     for width in _RIM_CELLS:
         rim = (away > _BLUR_CELLS) & (away <= width)

@@ -22,7 +22,7 @@ from brepgaussian.splatting.concave.contours import Chords, chords_in, lost_shar
 from brepgaussian.splatting.concave.floors import lattice_of
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.planes import Plane, axes_of
-from brepgaussian.splatting.concave.prism import Lattice, Prism
+from brepgaussian.splatting.concave.prism import Lattice, Prism, over
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.sweep import MOST_LOST
 from brepgaussian.splatting.concave.volume import Volume
@@ -80,8 +80,7 @@ def without_skins(images: Images, hull: Volume, edges: "EdgeCloud", planes: Sequ
     seen = _Seen(images, rays_at_object(images), hull)
     for plane in told:
         for side in (1.0, -1.0):
-            for parting in (planes, every):
-                seen = _bared(seen, edges, Plane(side * plane.normal, side * plane.offset), every, parting)
+            seen = _bared(seen, edges, Plane(side * plane.normal, side * plane.offset), every, (planes, every))
     return seen.hull
 
 
@@ -91,7 +90,7 @@ def _ways(planes: Sequence[Plane]) -> list[Array]:
     """
     normals = axes_of([plane.normal for plane in planes])
     pairs = [(a, b) for a, b in combinations(normals, 2) if abs(a @ b) < _SQUARE]
-    square = [np.cross(a, b) / np.linalg.norm(np.cross(a, b)) for a, b in pairs]
+    square = [way / np.linalg.norm(way) for way in (np.cross(a, b) for a, b in pairs)]
     across = [a for a in normals if sum(abs(a @ b) < _SQUARE for b in normals) > 1]
     mirrored = [n - 2 * (n @ way) * way for n in normals for way in across]
     return axes_of([*normals, *square, *mirrored])
@@ -108,22 +107,21 @@ def _planes(edges: "EdgeCloud", way: Array, hull: Volume) -> Iterator[tuple[Plan
     centers = np.arange(heights[0], heights[-1] + _BAND, _BAND)
     first, last = (np.searchsorted(heights, centers + side * _BAND) for side in (-1, 1))
     count = last - first
-    share = 2 * _BAND / float(np.ptp(hull.box @ way))
+    least = _PROMINENT * 2 * _BAND / float(np.ptp(hull.box @ way))  # of so many edges that lie anywhere, on a plane
     free = np.ones(len(heights), bool)
     taken: list[float] = []
     for k in np.argsort(-count, kind="stable"):
-        by_chance = share * np.array([len(heights), free.sum()])
-        if count[k] < max(_LEAST_EDGES, _PROMINENT * by_chance[1]):
+        if count[k] < max(_LEAST_EDGES, least * free.sum()):
             break
         height = float(np.median(heights[first[k] : last[k]]))
         if all(abs(height - other) > _APART_VOXELS * hull.spacing for other in taken):
             taken.append(height)
             free &= np.abs(heights - height) > _BAND
-            yield Plane(way, height), bool(count[k] >= _PROMINENT * by_chance[0])
+            yield Plane(way, height), bool(count[k] >= least * len(heights))
 
 
 def _bared(
-    seen: "_Seen", edges: "EdgeCloud", plane: Plane, known: Sequence[Plane], parting: Sequence[Plane]
+    seen: "_Seen", edges: "EdgeCloud", plane: Plane, known: Sequence[Plane], partings: Sequence[Sequence[Plane]]
 ) -> "_Seen":
     """A hull without the skins over one side of a plane.
 
@@ -135,7 +133,7 @@ def _bared(
         edges: of the images.
         plane: that is bared.
         known: on which a hull's surface is no skin.
-        parting: that end faces where they cross the plane.
+        partings: planes that end faces where they cross the plane; these are tried one after the other.
     """
     hull = seen.hull
     lattice = lattice_of(seen.images, hull, plane, _CELLS)
@@ -144,15 +142,23 @@ def _bared(
     if covered.sum() * lattice.pitch**2 < _LEAST_AREA:
         return seen
     around, upon = _edge_cells(edges, lattice, -_BAND, _BAND), _edge_cells(edges, lattice, low, high)
-    ends = _lines(lattice, parting)
-    free = ~ends & ~hull.inside((lattice.centers() + high * lattice.normal).reshape(-1, 3)).reshape(lattice.shape)
-    labels, count = ndimage.label(ndimage.binary_closing(covered | bare) & ~ends & ~ndimage.binary_closing(around))
-    for k in range(1, count + 1):
-        face = labels == k
-        skin = face & covered
-        area = float(skin.sum()) * lattice.pitch**2
-        if area >= _LEAST_AREA and _is_bordered(face, skin, around, upon, ends):
-            seen = _cut(seen, lattice, ndimage.binary_dilation(skin, mask=free) & free, high)
+    whole = ndimage.binary_closing(covered | bare) & ~ndimage.binary_closing(around)
+    past = ~hull.inside((lattice.centers() + high * lattice.normal).reshape(-1, 3)).reshape(lattice.shape)
+    lines = [_lines(lattice, planes) for planes in partings]
+    for k, ends in enumerate(lines):
+        if k and np.array_equal(ends, lines[k - 1]):
+            continue  # the same pieces again
+        now = seen
+        labels, count = ndimage.label(whole & ~ends)
+        for face in (labels == label for label in range(1, count + 1)):
+            skin = face & covered
+            area = float(skin.sum()) * lattice.pitch**2
+            if area >= _LEAST_AREA and _is_bordered(face, skin, around, upon, ends):
+                free = past & ~ends
+                now = _cut(now, lattice, ndimage.binary_dilation(skin, mask=free) & free, high)
+        if now is not seen:
+            rest = partings[k + 1 :]
+            return _bared(now, edges, plane, known, rest) if rest else now
     return seen
 
 
@@ -266,10 +272,8 @@ class _Seen:
 
     def doubted(self, lattice: Lattice, skin: Cells, high: float) -> bool:
         """Whether views may disagree about a skin (R, C) over a lattice, up to a height."""
-        cells, height = lattice.coordinates(self.told[0])
-        on = (height > 0) & (height < high)
-        index = np.clip(np.round(cells[on]).astype(int), 0, np.array(skin.shape) - 1)
-        costs = self.told[1][on][skin[tuple(index.T)]]
+        within, height = over(lattice, skin, self.told[0])
+        costs = self.told[1][within & (height > 0) & (height < high)]
         return len(costs) < _LEAST_RAYS or float(costs.mean()) >= _DOUBTED
 
     @cached_property

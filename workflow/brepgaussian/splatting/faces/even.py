@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from brepgaussian.geometry.pixels import inner_distance
 from brepgaussian.splatting.concave.openings import Images
 from brepgaussian.splatting.concave.prism import Lattice
 
@@ -26,7 +27,7 @@ def evenness(
         lattice, outline: a face, and (R, C) the cells to look at.
         views: those that show it; seen: (len(views), R * C) which cells each one sees.
     """
-    inner = ndimage.distance_transform_edt(np.pad(outline, 1))[1:-1, 1:-1] > _INNER_CELLS
+    inner = inner_distance(outline) > _INNER_CELLS
     index = np.flatnonzero(inner)
     grey = _grey(images, views, lattice.centers().reshape(-1, 3)[index], seen[:, index])
     told = np.isfinite(grey).sum(axis=0) >= _LEAST_COMPARED
