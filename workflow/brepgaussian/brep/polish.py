@@ -83,7 +83,10 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
                 best = _polished(attempt, notes, structure, result.before, job, footprint)
             if not result.report["kept"] or (lost is not None and lost(result.acceptance)):
                 break
-            rebuilt = _rebuilt(worker, job, rung, attempt, result, views)
+            parted = _parted(worker, job, rung, attempt, result, views)
+            rebuilt = parted or _rebuilt(worker, job, rung, attempt, result, views)
+            if parted:
+                result = replace(result, surfaces=result.parted)
             if isinstance(rebuilt, str):
                 log.warning("refined surfaces are not published: %s", rebuilt)
                 best.report["refinement_fault"] = rebuilt
@@ -176,9 +179,21 @@ def inspect(worker: Worker, attempt: Attempt, settings: BrepSettings) -> Any:
     return worker.call("assemble:inspect", (attempt.shape, attempt.surfaces), settings.time_limit_s)
 
 
-def _rebuilt(
-    worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views
-) -> tuple[Attempt, Any, Structure, Any] | str:
+_Rebuilt = tuple[Attempt, Any, Structure, Any]
+
+
+def _parted(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views) -> _Rebuilt | None:
+    """The same as `_rebuilt` where cylinders part each other as they cross, if images like that no less."""
+    if not result.parted:
+        return None
+    rebuilt = _rebuilt(worker, job, rung, attempt, replace(result, surfaces=result.parted), views)
+    if isinstance(rebuilt, str) or not _no_worse(rebuilt[1], result.acceptance):
+        return None
+    faces = [sum(_named(a)[0].values()) for a in (attempt, rebuilt[0])]
+    return rebuilt if faces[1] >= faces[0] else None
+
+
+def _rebuilt(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views) -> _Rebuilt | str:
     """The solid of the refined surfaces with its acceptance test, structure and triangulation, or what is wrong.
 
     First from the refined faces themselves, then from the points as before.
@@ -215,6 +230,13 @@ def _rebuilt(
             spare = spare or found  # refused for an edge that few samples show
         fault = fault or difference or "the rebuilt solid agrees less with the images than its surfaces"
     return spare or fault
+
+
+def _no_worse(test: Any, before: Any) -> bool:
+    """Whether the images accept a solid as before, and its masks are as good to within noise."""
+    from brepgaussian.brep.refine.accept import IOU_NOISE
+
+    return bool(test.accepted >= before.accepted and test.mask_iou > before.mask_iou - IOU_NOISE)
 
 
 def _as_good(test: Any, result: Any, same: bool) -> bool:

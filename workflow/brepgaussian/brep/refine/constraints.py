@@ -38,6 +38,12 @@ def _inscribed(cone: Surface, cap: Surface, side: Surface) -> float:
     return float(cone.radius + along * np.tan(cone.angle) - abs((center - side.origin) @ side.axis))
 
 
+def _miss(first: Surface, second: Surface) -> float:
+    """By how much two axes miss each other."""
+    across = np.cross(first.axis, second.axis)
+    return float((second.origin - first.origin) @ across / max(float(np.linalg.norm(across)), _DIFFERENCE))
+
+
 def _gap(flat: Surface, round_: Surface) -> float:
     """Height of a cylinder above a plane along its axis, or the distance by which it reaches through."""
     return float(abs((round_.origin - flat.origin) @ flat.axis) - round_.radius)
@@ -87,6 +93,7 @@ _VALUE: dict[str, Callable[[Sequence[Surface], Array], Array]] = {
     "equal_angle": lambda s, uv: np.array([s[0].angle - s[1].angle]),
     "touching": lambda s, uv: np.array([_gap(*s)]),
     "inscribed": lambda s, uv: np.array([_inscribed(*s)]),
+    "crossing": lambda s, uv: np.array([_miss(*s)]),
 }
 ANGLES = ("parallel", "perpendicular", "equal_angle")
 

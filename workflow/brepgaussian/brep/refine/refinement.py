@@ -18,7 +18,7 @@ from brepgaussian.brep.refine.parallax import Displaced
 from brepgaussian.brep.refine.parameters import recentre
 from brepgaussian.brep.refine.pits import floors as floors_of
 from brepgaussian.brep.refine.plumb import plumbed, soundings_of
-from brepgaussian.brep.refine.regularity import given, shown, unopposed
+from brepgaussian.brep.refine.regularity import crossings, given, parting, shown, unopposed
 from brepgaussian.brep.refine.repair import doubtful_merges, merge
 from brepgaussian.brep.refine.solve import TONES, Prior, State, residuals
 from brepgaussian.brep.refine.soundings import Soundings
@@ -51,6 +51,7 @@ class RefineResult:
         poses: (V, 3) image corrections du, dv (px), roll (rad); zero unless poses were freed.
         tone: (2,) tone coefficients, px.
         plumbed: surfaces of floors that were moved away from their points, to where the rays into their pits meet them.
+        parted: surfaces whose cylinders part each other where they cross, which this topology doesn't; empty if none.
         report: JSON-able summary.
     """
 
@@ -65,6 +66,7 @@ class RefineResult:
     poses: Array
     tone: Array
     plumbed: frozenset[int] = frozenset()
+    parted: tuple[Surface, ...] = ()
     report: dict[str, Any] = field(default_factory=dict)
 
 
@@ -161,8 +163,9 @@ def _refine(
         "edges": verdict.edges,
         "faces": verdict.faces,
     }
+    refined = _with_twins(structure, surfaces, result) if kept else tuple(surfaces)
     return RefineResult(
-        surfaces=_with_twins(structure, surfaces, result) if kept else tuple(surfaces),
+        surfaces=refined,
         silhouette_px=verdict.silhouette_px,
         mask_iou=verdict.mask_iou,
         accepted=verdict.accepted,
@@ -173,6 +176,7 @@ def _refine(
         poses=result.state.poses,
         tone=result.state.tone,
         plumbed=moved if kept else frozenset(),
+        parted=parting(result.structure, refined) if kept else (),
         report=report,
     )
 
@@ -204,11 +208,14 @@ def _solved(start: Run, settings: BrepSettings, hopeless: Callable[[Acceptance],
     free = run
     run, _ = descend(free, ties, WINDOWS[-1:], freed)
     after = run.test(settings)
-    if designed:
-        other, _ = descend(free, [*ties, *designed], WINDOWS[-1:], freed)
+    crossed = crossings(run.structure, free.state.surfaces)
+    for more in (designed, [tie for tie in crossed if tie not in ties]):
+        if not more:
+            continue
+        other, _ = descend(free, [*ties, *more], WINDOWS[-1:], freed)
         verdict = other.test(settings)
         if _no_worse(verdict, after):
-            run, after, ties = other, verdict, [*ties, *designed]
+            run, after, ties = other, verdict, [*ties, *more]
     return _Solved(run, after, ties, freed)
 
 
