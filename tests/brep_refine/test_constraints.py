@@ -1,9 +1,12 @@
 """Relations: found where they hold, kept by their rows, tangency to first order."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from brepgaussian.brep.refine.constraints import Tie, Tolerances, detect, tangent_rows, tie_rows, value
+from brepgaussian.brep.refine.constraints import Tie, Tolerances, detect, tie_rows, value
 from brepgaussian.brep.refine.parameters import COUNT, update
+from brepgaussian.brep.refine.tangency import tangent_rows
 from brepgaussian.brep.structure import extract
 from brepgaussian.geometry.surfaces import cylinder, plane, unit
 from refine_support import perturbed, surfaces_of, unit_solid
@@ -113,6 +116,30 @@ def test_a_face_that_nearly_touches_a_barrel_does(hinge, off):
         assert value(tie, moved)[0] == pytest.approx(gap + slope @ step, abs=1e-8)
     now[lower] = update(now[lower], np.array([0, 0, 100 * off]))
     assert not [t for t in detect(structure, now, tolerances(now)) if t.kind == "touching"]
+
+
+@pytest.fixture(scope="module")
+def rounded():
+    """A disc with a rounded rim: its torus touches the top and the side."""
+    b = build123d
+    disc = b.Cylinder(20, 12)
+    solid = unit_solid(b.fillet(disc.edges().sort_by(b.Axis.Z)[-1], 4))
+    surfaces = surfaces_of(solid)
+    return extract(solid, surfaces), surfaces
+
+
+@pytest.mark.parametrize(("off", "count"), [(5e-4, 2), (0.005, 0)])
+def test_faces_that_nearly_touch_a_fillet_do(rounded, off, count):
+    """A top that crosses the fillet leaves a lip, and has been drawn down beside it."""
+    structure, surfaces = rounded
+    torus = next(i for i, s in enumerate(surfaces) if s.kind == "torus")
+    moved = list(surfaces)
+    moved[torus] = replace(surfaces[torus], minor=surfaces[torus].minor + off)
+    ties = [t for t in detect(structure, moved, tolerances(moved, sigma=1e-4)) if t.kind == "touching"]
+    assert sorted(surfaces[t.members[0]].kind for t in ties) == ["cylinder", "plane"][:count]
+    for tie in ties:
+        assert value(tie, surfaces)[0] == pytest.approx(0.0, abs=1e-12)
+        assert abs(value(tie, moved)[0]) == pytest.approx(off)
 
 
 def test_a_circle_that_touches_planes_is_found():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brepgaussian.splatting.concave import Images, find
-from brepgaussian.splatting.concave.counterbored import counterbored
+from brepgaussian.splatting.concave.counterbored import _mouths, counterbored
 from brepgaussian.splatting.concave.curved import leaning_ways, spot_around
 from brepgaussian.splatting.concave.planes import Plane
 from brepgaussian.splatting.concave.prism import Lattice, Prism, plane_axes
@@ -65,6 +65,18 @@ def test_a_hole_as_wide_all_along_has_none(tmp_path):
     views, _ = rendered(tmp_path, drum(6.0, 0.0, 0.0), 40, 500)
     hull = hull_of(6.0)
     assert counterbored(Images.of(views, 0.0), hull.scene(), hull.spacing, [known(6.0)]) == []
+
+
+def test_a_mouth_in_a_flat_face_is_left_to_others():
+    """A flat on the drum's side in which the hole comes out, another one elsewhere, and one that is not known."""
+    hull, side = hull_of(0.0), 0.5 - 0.9 * RADIUS / SIZE
+    y = np.arange(CELLS + 1)[None, :, None] / CELLS
+    flattened = replace(hull, field=np.minimum(hull.field, (y - side).astype(np.float32)))
+    scene, near = flattened.scene(), 2 * hull.spacing
+    flat = Plane(WAY, -side)
+    ways = [[way for _, way in _mouths(known(0.0), scene, planes, near)] for planes in ([], [flat], [Plane(WAY, -0.3)])]
+    assert [len(found) for found in ways] == [2, 1, 2]
+    np.testing.assert_allclose(ways[1][0], -WAY)
 
 
 @pytest.mark.parametrize("lean", [0.0, 30.0, 50.0])

@@ -1,7 +1,7 @@
 """Regularities between surfaces as equations of the refinement.
 
-Two kinds: tangency, which the structure itself tells (a smooth edge), and relations that surfaces keep
-within tolerances: parallel, perpendicular, coaxial, equal radius, coplanar, four surfaces through one corner.
+Relations that surfaces keep within tolerances: parallel, perpendicular, coaxial, equal radius, coplanar, four
+surfaces through one corner. What the structure itself tells, smooth edges, is in `tangency`.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,19 +12,17 @@ from numpy.typing import NDArray
 
 from brepgaussian.brep.refine.mesh import slave
 from brepgaussian.brep.refine.parameters import COUNT, derivative, update
-from brepgaussian.brep.structure import SMOOTH, Structure
+from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface
 
 Array = NDArray[np.float64]
 Row = tuple[dict[int, Array], float]  # derivative by each surface's parameters, and the present value
 
 _DIFFERENCE = 1e-6  # of the numeric derivative
-_TANGENT_SAMPLES = 5  # on a smooth edge
 _SQUARE = np.radians(2.0)
 _SHORT_EDGE = 0.005  # unit frame, three pixels of an 800-px view: its ends may be one corner
 _ONE_CORNER = 1e-3  # unit frame, half a pixel: surfaces that miss a common point by less are meant to meet there
 _LEAST_CORNER = 0.1  # singular value of the normals at a corner: below, they hardly determine a point
-_TANGENT_ANGLE = np.radians(20.0)  # smooth edges that deviate more are creases of low angle
 
 
 def _across(vector: Array, axis: Array) -> Array:
@@ -44,9 +42,19 @@ def _miss(first: Surface, second: Surface) -> float:
     return float((second.origin - first.origin) @ across / max(float(np.linalg.norm(across)), _DIFFERENCE))
 
 
-def _gap(flat: Surface, round_: Surface) -> float:
-    """Height of a cylinder above a plane along its axis, or the distance by which it reaches through."""
-    return float(abs((round_.origin - flat.origin) @ flat.axis) - round_.radius)
+def _gap(face: Surface, round_: Surface) -> float:
+    """Height of a cylinder above a plane along its axis, or the distance by which it reaches through.
+
+    The same of a torus beside a plane across its axis, or beside a cylinder about it.
+    """
+    if round_.kind == "torus":
+        beside = abs(face.radius - round_.radius) if face.kind == "cylinder" else _height(face, round_)
+        return beside - round_.minor
+    return _height(face, round_) - round_.radius
+
+
+def _height(flat: Surface, other: Surface) -> float:
+    return float(abs((other.origin - flat.origin) @ flat.axis))
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,8 @@ class Tie:
 
     Attributes:
         kind: `parallel`, `perpendicular`, `coaxial`, `coplanar`, `equal_radius`, `equal_minor`, `equal_angle`
-            of two surfaces; `touching` of a plane and a cylinder along it; `inscribed` of a cone, the plane that
+            of two surfaces; `touching` of a plane and a cylinder along it, or of a torus and a plane across its axis
+            or a cylinder about it (a fillet); `inscribed` of a cone, the plane that
             cuts it in a circle, and a plane that touches the circle (a nut's chamfer); `corner` of four surfaces
             through one point (chamfers that meet).
         members: indices of the surfaces.
@@ -201,16 +210,22 @@ def detect(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolera
     return ties + _touching(structure, surfaces, tolerances) + _corners(structure, surfaces)
 
 
+# Faces that touch each other where they meet, and what they keep besides.
+_TOUCHING = {
+    ("plane", "cylinder"): ("perpendicular",),
+    ("plane", "torus"): ("parallel",),
+    ("cylinder", "torus"): ("parallel", "coaxial"),
+}
+
+
 def _touching(structure: Structure, surfaces: Sequence[Surface], tolerances: Tolerances) -> list[Tie]:
-    """Planes that share an edge with a cylinder along them and nearly touch it: no slit or crossing is meant."""
-    pairs = {tuple(sorted(e.surfaces, key=lambda i: surfaces[i].kind, reverse=True)) for e in structure.edges}
+    """Faces that share an edge and nearly touch along it: no slit or crossing is meant."""
+    edges = [e.surfaces for e in structure.edges if min(e.surfaces) >= 0]
     found = []
-    for flat, round_ in sorted((a, b) for a, b in pairs if min(a, b) >= 0):
-        if (surfaces[flat].kind, surfaces[round_].kind) != ("plane", "cylinder"):
-            continue
-        tie = Tie("touching", (flat, round_))
-        if tolerances.keeps(Tie("perpendicular", (flat, round_)), surfaces) and tolerances.keeps(tie, surfaces):
-            found.append(tie)
+    for pair in sorted({pair for a, b in edges for pair in ((a, b), (b, a))}):
+        besides = _TOUCHING.get((surfaces[pair[0]].kind, surfaces[pair[1]].kind))
+        if besides and all(tolerances.keeps(Tie(kind, pair), surfaces) for kind in (*besides, "touching")):
+            found.append(Tie("touching", pair))
     return found
 
 
@@ -279,47 +294,3 @@ def _corner_row(tie: Tie, surfaces: Sequence[Surface]) -> Row:
     point, balance, apart = _balanced(members, np.array(tie.near))
     parts = (b * derivative(s, point)[0] for b, s in zip(balance, members, strict=True))
     return dict(zip(tie.members, parts, strict=True)), apart
-
-
-def tangent_rows(structure: Structure, surfaces: Sequence[Surface]) -> list[Row]:
-    """Smooth edges stay smooth: the gap between the two surfaces where their normals are parallel is zero.
-
-    To first order the gap is f_1 - s f_2 at a point of parallel normals (s = n_1 . n_2 = +-1), and its
-    derivative that of f_1 - s f_2, since the point slides along both surfaces.
-    """
-    rows: list[Row] = []
-    for edge in structure.edges:
-        first, second = edge.surfaces
-        if edge.convexity != SMOOTH or first < 0 or second < 0 or first == second:
-            continue
-        points = edge.polyline[np.linspace(0, len(edge.polyline) - 1, _TANGENT_SAMPLES).round().astype(int)]
-        points, sign = touching(points, surfaces[first], surfaces[second])
-        good = np.abs(sign) > np.cos(_TANGENT_ANGLE)
-        points, sign = points[good], np.sign(sign[good])
-        gap = surfaces[first].signed_distance(points) - sign * surfaces[second].signed_distance(points)
-        one = derivative(surfaces[first], points)
-        two = -sign[:, None] * derivative(surfaces[second], points)
-        rows.extend(({first: a, second: b}, float(g)) for a, b, g in zip(one, two, gap, strict=True))
-    return rows
-
-
-def touching(points: Array, first: Surface, second: Surface) -> tuple[Array, Array]:
-    """(N, 3) points near a line of contact where the normals are parallel, and (N,) n_1 . n_2 there."""
-    h, table = 1e-4, np.zeros((len(points), 1), np.int64)
-    sign = np.sign(np.einsum("ni,ni->n", first.normals(points), second.normals(points)))[:, None]
-    start = points
-    tangent = np.gradient(points, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
-    for _ in range(4):
-        points = slave(points, table, [first])
-        across = np.cross(first.normals(points), tangent)
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-
-        def slope(x: Array, across: Array = across) -> Array:
-            return np.einsum("ni,ni->n", first.normals(x) - sign * second.normals(x), across)
-
-        bend = (slope(points + h * across) - slope(points - h * across)) / (2 * h)
-        step = np.where(np.abs(bend) > 1e-3, -slope(points) / np.where(np.abs(bend) > 1e-3, bend, 1), 0)
-        points = points + np.clip(step, -0.02, 0.02)[:, None] * across
-    points = np.where(np.linalg.norm(points - start, axis=1, keepdims=True) < 0.05, points, start)
-    return points, np.einsum("ni,ni->n", first.normals(points), second.normals(points))

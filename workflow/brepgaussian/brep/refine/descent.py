@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.refine.accept import WINDOW_PX, Acceptance, judge, judge_faces, watch
-from brepgaussian.brep.refine.constraints import Row, Tie, tangent_rows, tie_rows
+from brepgaussian.brep.refine.constraints import Row, Tie, tie_rows
 from brepgaussian.brep.refine.mesh import FaceMesh, follow, slave
 from brepgaussian.brep.refine.observe import Found, Images, measure, whole_images
 from brepgaussian.brep.refine.parallax import Displaced, displaced
 from brepgaussian.brep.refine.samples import followed
 from brepgaussian.brep.refine.solve import Prior, State, Step, step
 from brepgaussian.brep.refine.soundings import Soundings
+from brepgaussian.brep.refine.tangency import tangent_rows
 from brepgaussian.brep.refine.visibility import Scene, Seen, compare_masks
 from brepgaussian.brep.structure import Structure
 from brepgaussian.geometry.surfaces import Surface

@@ -208,8 +208,8 @@ def _solved(start: Run, settings: BrepSettings, hopeless: Callable[[Acceptance],
     free = run
     run, _ = descend(free, ties, WINDOWS[-1:], freed)
     after = run.test(settings)
-    crossed = crossings(run.structure, free.state.surfaces)
-    for more in (designed, [tie for tie in crossed if tie not in ties]):
+    for meant in (designed, crossings(run.structure, free.state.surfaces)):
+        more = [tie for tie in meant if tie not in ties]
         if not more:
             continue
         other, _ = descend(free, [*ties, *more], WINDOWS[-1:], freed)

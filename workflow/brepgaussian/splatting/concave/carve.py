@@ -135,7 +135,8 @@ def open_curved(
     found = find_curved(images, scene, hull.spacing, known, planes)
     hull, opened = _with_agreeable(images, hull, scene, known, found)
     scene = hull.scene(opened)
-    hull, more = _with_agreeable(images, hull, scene, opened, counterbored(images, scene, hull.spacing, opened))
+    wider = counterbored(images, scene, hull.spacing, opened, planes)
+    hull, more = _with_agreeable(images, hull, scene, opened, wider)
     return (hull, more) if len(more) == len(known) else _behind_gaps(images, hull, hull.scene(more), more)
 
 

@@ -17,7 +17,7 @@ from brepgaussian.splatting.concave.depth import looked_into
 from brepgaussian.splatting.concave.draw import circle
 from brepgaussian.splatting.concave.join import throat
 from brepgaussian.splatting.concave.openings import SURELY_SHARE, Images, Stack, is_framed, opened, rectify
-from brepgaussian.splatting.concave.planes import PITCH_PIXELS
+from brepgaussian.splatting.concave.planes import PARALLEL, PITCH_PIXELS, Plane
 from brepgaussian.splatting.concave.prism import Prism, plane_axes
 from brepgaussian.splatting.concave.scene import Scene
 from brepgaussian.splatting.concave.shapes import Opening, Shape
@@ -42,7 +42,9 @@ _LEAST_WALL_CELLS = 3.0  # of the counterbore, where it is shallowest
 logger = log.get_logger("stage1")
 
 
-def counterbored(images: Images, scene: Scene, cell: float, known: Sequence[Prism]) -> list[Prism]:
+def counterbored(
+    images: Images, scene: Scene, cell: float, known: Sequence[Prism], planes: Sequence[Plane] = ()
+) -> list[Prism]:
     """The counterbores of known holes that come out in curved faces, down to their shoulders.
 
     Args:
@@ -50,10 +52,11 @@ def counterbored(images: Images, scene: Scene, cell: float, known: Sequence[Pris
         scene: the hull, with all that is known cut.
         cell: its resolution.
         known: concavities of it.
+        planes: of faces that views have confirmed, in which there are other ways to find one.
     """
     found: list[Prism] = []
     for hole in filter(_is_straight, known):
-        for middle, way in _mouths(hole, scene):
+        for middle, way in _mouths(hole, scene, planes, 2 * cell):
             if any(_is_about(other, middle, way) for other in found):
                 continue  # a hole may be known twice, from either end
             prism = _about(images, scene, cell, middle, way, throat(hole))
@@ -75,14 +78,23 @@ def _is_straight(hole: Prism) -> bool:
     return is_round(hole.outline)
 
 
-def _mouths(hole: Prism, scene: Scene) -> Iterator[tuple[Array, Array]]:
-    """Where a hole comes out of the hull at either end: (3,) middle of the mouth, (3,) direction out of the solid."""
+def _mouths(hole: Prism, scene: Scene, planes: Sequence[Plane], near: float) -> Iterator[tuple[Array, Array]]:
+    """Where a hole comes out of the hull's curved faces: (3,) middle of the mouth, (3,) direction out of the solid.
+
+    Those are all that are not `near` one of the planes.
+    """
     normal, middle = hole.lattice.normal, hole.middle
     for way in (normal, -normal):
         beyond = _ring(middle + _BEYOND * way, way, _BESIDE * throat(hole))
         far = scene.distances(beyond, np.broadcast_to(-way, beyond.shape))
-        if np.isfinite(far).all():
+        if np.isfinite(far).all() and not _is_flat(beyond - far[:, None] * way, way, planes, near):
             yield middle + (_BEYOND - float(far.mean())) * way, way
+
+
+def _is_flat(rim: Array, way: Array, planes: Sequence[Plane], near: float) -> bool:
+    """Whether places (N, 3) about a mouth lie on a plane across the hole's direction (3,)."""
+    across = [plane for plane in planes if plane.normal @ way > PARALLEL]
+    return any(bool((np.abs(rim @ plane.normal - plane.offset) < near).all()) for plane in across)
 
 
 def _about(images: Images, scene: Scene, cell: float, middle: Array, way: Array, radius: float) -> Prism | None:

@@ -115,6 +115,8 @@ def measure(
     best = _again(opening, rim, _refine(rim, best_depth(opening, _DEPTHS)))
     few = Opening(every, _FEW_RAYS, outline, ends, tolerance, breaks)
     best = _leaning(opening, rim, few, best)
+    if best.domed and _is_endless(opening, best):  # that its floor is a cap isn't told either
+        best = _refine(rim, best_depth(opening, _DEPTHS, replace(best, domed=False)))
     opening.keep_clear(best.grow)
     disagreeing, error = opening.score(best)
     closed = opening.closed()
@@ -127,7 +129,7 @@ def measure(
         return None
     endless = False
     if not best.through:
-        endless = opening.advantage(opening.costs(replace(best, depth=opening.ends[0])), opening.costs(best)) < SURE
+        endless = _is_endless(opening, best)
         if endless and error > most_against:
             return None
         best = _deepen(opening, Opening(every, _FINAL_RAYS, outline, ends, tolerance, breaks), best)
@@ -147,6 +149,11 @@ def measure(
         step=best.step * pitch,
     )
     return prism, gain
+
+
+def _is_endless(opening: Opening, best: Shape) -> bool:
+    """Whether rays don't tell a blind shape from one that goes on to the hull's other side."""
+    return opening.advantage(opening.costs(replace(best, depth=opening.ends[0])), opening.costs(best)) < SURE
 
 
 def shoulder(
