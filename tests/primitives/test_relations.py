@@ -47,8 +47,13 @@ HOLDING = [
     ("tangent", sphere(O - 0.3 * X, 0.1), torus(O, Z, 0.3, 0.1)),
     ("tangent", torus(O, Z, 0.3, 0.1), sphere(O + 0.4 * Z, 0.4)),
     ("tangent", sphere(O + 0.4 * Z, 0.6), torus(O, Z, 0.3, 0.1)),
+    ("tangent", plane(O + 0.2 * X, np.array([np.cos(0.3), 0, -np.sin(0.3)])), cone(O, Z, 0.2, 0.3)),
+    ("tangent", plane(O + 0.2 * X, np.array([-np.cos(0.3), 0, np.sin(0.3)])), cone(O, Z, 0.2, 0.3, flipped=True)),
+    ("tangent", cone(O, Z, 0.2, 0.3), torus(O + 0.1 * Z, Z, 0.2 + 0.1 * np.tan(0.3) + 0.05 / np.cos(0.3), 0.05)),
+    ("tangent", torus(O, Z, 0.2 - 0.05 / np.cos(0.3), 0.05), cone(O, -Z, 0.2, 0.3)),
     ("tangent", cone(O, Z, 0.2, 0.3), sphere(O, 0.2 * np.cos(0.3))),
     ("tangent", sphere(O + 0.1 * Z, (0.2 + 0.1 * np.tan(0.3)) * np.cos(0.3)), cone(O, Z, 0.2, 0.3)),
+    ("equal_cone", cone(O, Z, 0.2, 0.3), cone(O + 0.4 * X + 0.1 * Z, Z, 0.2 + 0.1 * np.tan(0.3), 0.3)),
     ("bend", cylinder(O + 0.3 * X, [0, 1, 0], 0.1), torus(O, Z, 0.3, 0.1)),
     ("bend", torus(O, Z, 0.3, 0.1), cylinder(O + 0.2 * X - [0, 0.3, 0], -X, 0.1)),
 ]

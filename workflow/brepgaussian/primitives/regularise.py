@@ -1,6 +1,6 @@
 """Snapping of the patches' surfaces to the relations that hold between them.
 
-Order: directions, coaxial axes, equal radii and angles, patches of one surface, tangency. After each kind
+Order: directions, coaxial axes, equal radii, angles and cones, patches of one surface, tangency. After each kind
 all surfaces are solved on their points with all relations so far as equations; a patch that its points then
 leave takes the relations back that moved it.
 """
@@ -30,6 +30,7 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("equal radii", propose.equal_radii),
     ("equal angles", propose.equal_angles),
     ("usual angles", propose.usual_angles),
+    ("equal cones", propose.equal_cones),
     ("tangent", propose.tangent),
     ("bends", propose.bends),
     ("one surface", propose.same),

@@ -15,6 +15,7 @@ from brepgaussian.geometry.surfaces import Surface
 Array = NDArray[np.float64]
 Residual = Callable[[Surface, Surface], Array]
 
+_TINY = 1e-12  # a length that is none
 ANGLES_DEG = (30, 45, 60)  # between directions of one part, besides 0 and 90
 
 
@@ -90,6 +91,12 @@ def _equal_angle(first: Surface, second: Surface) -> Array:
     return np.array([first.angle - second.angle])
 
 
+def _equal_cone(first: Surface, second: Surface) -> Array:
+    """Cones of one radius at one height along parallel axes: a chamfer or draft that goes on around corners."""
+    height = float((second.origin - first.origin) @ first.axis)
+    return np.array([first.radius + height * np.tan(first.angle) - second.radius])
+
+
 def _half_angle(degrees: float) -> Residual:
     target = float(np.radians(degrees))
     return lambda first, second: np.array([first.angle - target])
@@ -120,7 +127,7 @@ def _touching(height: float, radius: float) -> float:
 
 
 def _tangent(first: Surface, second: Surface) -> Array:
-    """Tangency of a plane with a cylinder, sphere or torus, of coaxial pieces, parallel cylinders, a ball's end."""
+    """Tangency of a plane with any round surface, of coaxial pieces, of parallel cylinders, of a ball's end."""
     if second.kind == "plane" or first.kind == "sphere":
         first, second = second, first
     if first.kind == "plane":
@@ -129,9 +136,13 @@ def _tangent(first: Surface, second: Surface) -> Array:
             return np.array([first.axis @ second.axis, _touching(height, second.radius)])
         if second.kind == "sphere":
             return np.array([_touching(height, second.radius)])
+        if second.kind == "cone":
+            return _chamfer_of_round(first, second)
         return np.append(_parallel(first, second), _touching(height, second.minor))
     if second.kind == "sphere":
         return _ball_of_ring(first, second) if first.kind == "torus" else _ball_of_taper(first, second)
+    if {first.kind, second.kind} == {"cone", "torus"}:
+        return _fillet_of_taper(*((first, second) if first.kind == "cone" else (second, first)))
     if second.kind == "cylinder":
         first, second = second, first
     if second.kind == "torus":
@@ -142,11 +153,27 @@ def _tangent(first: Surface, second: Surface) -> Array:
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
 
 
+def _chamfer_of_round(flat: Surface, cone: Surface) -> Array:
+    """A chamfer's plane that goes on in the cone of a rounded corner: the same normal along a line of the cone."""
+    normal = cone.sign * flat.normals(flat.origin[None])[0]  # as if the cone were no hole
+    radial = normal - (normal @ cone.axis) * cone.axis
+    radial /= max(float(np.linalg.norm(radial)), _TINY)
+    place = cone.origin + cone.radius * radial
+    return np.array([normal @ cone.axis + np.sin(cone.angle), (place - flat.origin) @ flat.axis])
+
+
 def _ball_of_taper(cone: Surface, ball: Surface) -> Array:
     """A ball on a cone's axis that touches it in a circle: a taper's round end. A cylinder is a cone of angle 0."""
     height = float((ball.origin - cone.origin) @ cone.axis)
     across = (cone.radius + height * np.tan(cone.angle)) * np.cos(cone.angle)  # from the ball's centre to the cone
     return np.append(_on_axis(cone, ball), across - ball.radius)
+
+
+def _fillet_of_taper(cone: Surface, ring: Surface) -> Array:
+    """A torus about a cone's axis that touches it in a circle: the fillet at a tapered boss's foot."""
+    height = float((ring.origin - cone.origin) @ cone.axis)
+    across = (ring.radius - cone.radius - height * np.tan(cone.angle)) * np.cos(cone.angle)  # to the middle of the tube
+    return np.append(_coaxial(cone, ring), _touching(across, ring.minor))
 
 
 def _ball_of_ring(ring: Surface, ball: Surface) -> Array:
@@ -182,6 +209,7 @@ RESIDUALS: dict[str, Residual] = {
     "coaxial": _coaxial,
     "equal_radius": _equal_radius,
     "equal_angle": _equal_angle,
+    "equal_cone": _equal_cone,
     "same": _same,
     "tangent": _tangent,
     "bend": _bend,
@@ -193,7 +221,9 @@ TANGENT_PAIRS = {
         ("plane", "cylinder"),
         ("plane", "sphere"),
         ("plane", "torus"),
+        ("plane", "cone"),
         ("cylinder", "torus"),
+        ("cone", "torus"),
         ("cylinder", "sphere"),
         ("torus", "sphere"),
         ("cone", "sphere"),
