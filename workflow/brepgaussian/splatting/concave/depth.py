@@ -213,8 +213,11 @@ def _again(opening: Opening, rim: Opening, best: Shape) -> Shape:
 
 
 def _leaning(opening: Opening, rim: Opening, few: Opening, best: Shape) -> Shape:
-    """The best shape, straight or not; one opening with three numbers of rays."""
-    tried = [countersunk(few, best), tapered(few), *([oblique(few)] if few.holed else []), *domed(few, best)]
+    """The best shape, straight or not; one opening with three numbers of rays.
+
+    What leans all the way down comes before what does at its mouth only, which has to explain the rays surely better.
+    """
+    tried = [tapered(few), countersunk(few, best), *([oblique(few)] if few.holed else []), *domed(few, best)]
     for shape in tried:
         if few.score(shape)[0] >= few.score(best)[0]:
             continue
