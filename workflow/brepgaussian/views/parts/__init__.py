@@ -121,7 +121,7 @@ PARTS: dict[str, PartInfo] = {
     "soft_jaw": PartInfo("fittings", "a step, slots that break into a groove", TUNED),
     "stand_foot": PartInfo("fittings", "a cone between lugs, a deep blind hole, a shallow recess", HOLDOUT),
     "bent_plate": PartInfo("fittings", "rounded inner corners on either side of a thin wall", TUNED),
-    "tee_lever": PartInfo("fittings", "small chamfers that end in a boss and a pad", HOLDOUT),
+    "tee_lever": PartInfo("fittings", "small chamfers that end in a boss and a pad", TUNED),
     "union_nut": PartInfo("fittings", "a hexagon under a neck, a stepped bore with a conical seat", HOLDOUT),
     "motor_mount": PartInfo("mounts", "oblique slots with round ends, a low ring around a bore", HOLDOUT),
     "spindle_nose": PartInfo("mounts", "a slender cone between steps, flats that end on a cylinder", TUNED),
