@@ -33,6 +33,20 @@ def test_the_torus_touches_both_faces_on_the_right_side(convex, bore):
     np.testing.assert_allclose(found.normals(ends), [floor.axis, [wall.sign, 0, 0]], atol=1e-9)
 
 
+@pytest.mark.parametrize(("convex", "bore", "angle"), [(True, False, 0.2), (False, False, -0.2), (False, True, 0.3)])
+def test_the_torus_touches_a_cone_and_a_plane(convex, bore, angle):
+    """A tapered boss's foot: on a cone that grows along its axis, or against it."""
+    wall = cone(MIDDLE, AXIS * np.sign(angle), RADIUS, abs(angle), bore)
+    floor = plane(MIDDLE + 0.1 * AXIS, AXIS)
+    found = touching(wall, floor, TUBE if convex else -TUBE)
+    centre = found.origin + found.radius * np.eye(3)[0]  # of the tube
+    for face in (wall, floor):
+        ends = face.project(centre[None])
+        np.testing.assert_allclose(np.linalg.norm(ends - centre), TUBE, atol=1e-12)
+        np.testing.assert_allclose(found.signed_distance(ends), 0, atol=1e-12)
+        np.testing.assert_allclose(found.normals(ends), face.normals(ends), atol=1e-9)
+
+
 def shoulder(rng):
     """A shaft, its shoulder, and the inner fillet between them as a torus with a wrong tube and a leaning axis."""
     wall, floor = cylinder(MIDDLE, AXIS, RADIUS), plane(MIDDLE, AXIS)

@@ -9,12 +9,13 @@ from brepgaussian.brep.budget import Budget
 from brepgaussian.brep.features import WIDTHS
 from brepgaussian.brep.job import Attempt, Job, Rung
 from brepgaussian.brep.polish import Polished
-from brepgaussian.brep.rounds import fillets, inner_fillets, roundings
+from brepgaussian.brep.rounds import _surface, fillets, inner_fillets, roundings
 from brepgaussian.brep.simplify import Change
 from brepgaussian.brep.structure import Edge, Face, Structure
 from brepgaussian.brep.trials import Trials
 from brepgaussian.brep.verdict import Verdict
-from brepgaussian.geometry.surfaces import cylinder, plane
+from brepgaussian.geometry.rolling import touching
+from brepgaussian.geometry.surfaces import cone, cylinder, plane, surface_to_row
 from brepgaussian.settings.brep import BrepSettings
 
 X, Y, UP = np.eye(3)
@@ -116,6 +117,29 @@ def test_a_concave_edge_that_images_show_elsewhere_gets_a_fillet(px, corners):
             )
     convex = replace(structure, edges=tuple(replace(e, convexity="convex") for e in structure.edges))
     assert inner_fillets(convex, surfaces, patches, rows) == []
+
+
+@pytest.mark.parametrize(
+    ("seen", "shown", "told"), [(500, 0, True), (500, 20, True), (500, 200, False), (90, 0, False)]
+)
+def test_an_edge_at_which_views_show_no_step_is_for_fillets(seen, shown, told):
+    """A fillet at a boss's foot, large enough that the step lies out of reach of the search for it."""
+    structure, surfaces, patches = pocket()
+    rows = [
+        {"name": f"edge {k}", "silhouette_px": None, "interior_px": 0.02, "creases": 500, "interior": 450}
+        for k in range(4)
+    ]
+    rows[1] |= {"interior_px": None, "creases": seen, "interior": shown}
+    found = inner_fillets(structure, surfaces, patches, rows)
+    assert [c.new[-1].surface.radius for c in found] == (list(WIDTHS) if told else [])
+
+
+@pytest.mark.parametrize("hole", [False, True])
+def test_a_cone_and_a_plane_across_it_have_a_fillet(hole):
+    wall, floor = cone(np.full(3, 0.5), -UP, 0.2, 0.2, hole), plane(np.full(3, 0.5), UP)
+    found = _surface((floor, wall), -0.03)
+    np.testing.assert_array_equal(surface_to_row(found), surface_to_row(touching(wall, floor, -0.03)))
+    assert _surface((floor, cone(np.full(3, 0.5), X, 0.2, 0.2, hole)), -0.03) is None  # not across
 
 
 def test_fillets_that_a_solid_has_tell_the_radius_of_others():

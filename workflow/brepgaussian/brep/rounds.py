@@ -32,6 +32,7 @@ _FAR = 0.8  # quantile of the places' distances from the edge: near the fillet's
 _RADIUS_DIGITS = 3  # of radii that are one
 _CONFIRMED_PX = 0.25  # median distance of an edge from what views show there: less than fillets of a few px scatter it
 _SHIFTED_PX, _SHIFTED = 0.3, 3.0  # median distance from an edge to a step in grey that is not its, least; and medians
+_OFTEN, _NEXT_TO_NONE = 200, 0.05  # samples of an edge that views see, and those of them that show a step in grey
 _ALIKE_RADII = 0.3  # of one by which another differs that the refinement comes to
 _MOST_KNOWN = 2  # radii of a solid's fillets that are tried
 _MOST_SETS = 2  # that are tried, those with most places first
@@ -111,10 +112,18 @@ def _hollow(face: Face, surfaces: Sequence[Surface]) -> Surface | None:
 
 
 def _shifted(structure: Structure, edges: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Concave edges whose step in grey lies elsewhere, much farther than those of most edges do."""
-    px = {k: row["interior_px"] for k, row in edge_rows(edges) if isinstance(row["interior_px"], float)}
+    """Concave edges whose step in grey lies elsewhere, much farther than those of most edges do, or that show none."""
+    rows = dict(edge_rows(edges))
+    px = {k: row["interior_px"] for k, row in rows.items() if isinstance(row["interior_px"], float)}
     limit = max(_SHIFTED_PX, _SHIFTED * float(np.median([*px.values()] or [0.0])))
-    return [k for k in sorted(px) if px[k] > limit and structure.edges[k].convexity == CONCAVE]
+    off = {k for k in px if px[k] > limit} | {k for k, row in rows.items() if _is_missing(row)}
+    return [k for k in sorted(off) if structure.edges[k].convexity == CONCAVE]
+
+
+def _is_missing(row: Mapping[str, Any]) -> bool:
+    """Whether many views see an edge and next to none shows a step in grey at it."""
+    seen, shown = row.get("creases", 0), row.get("interior", 0)
+    return bool(seen >= _OFTEN and shown < _NEXT_TO_NONE * seen)
 
 
 def roundings(
@@ -253,15 +262,17 @@ def _filleted(
 
 
 def _surface(pair: tuple[Surface, Surface], radius: float) -> Surface | None:
-    """The fillet between two planes, or a plane and a cylinder across it; radius positive on a convex edge."""
+    """The fillet between two planes, or a plane and a cylinder or cone across it; radius positive on a convex edge."""
     kinds = [s.kind for s in pair]
     if kinds == ["plane", "plane"]:
         return rolling(*pair, radius) if abs(pair[0].axis @ pair[1].axis) < _BLUNT else None
-    if sorted(kinds) != ["cylinder", "plane"]:
+    if sorted(kinds) not in (["cylinder", "plane"], ["cone", "plane"]):
         return None
     floor, wall = pair if kinds[0] == "plane" else pair[::-1]
-    square = float(np.linalg.norm(np.cross(floor.axis, wall.axis))) < _SQUARE
-    return touching(wall, floor, radius) if square and wall.radius - radius * wall.sign > abs(radius) else None
+    if float(np.linalg.norm(np.cross(floor.axis, wall.axis))) >= _SQUARE:
+        return None
+    made = touching(wall, floor, radius)
+    return made if made.radius > abs(radius) else None
 
 
 def _band(made: Surface, pair: tuple[Surface, Surface], polyline: Array) -> Array:

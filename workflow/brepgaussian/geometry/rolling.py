@@ -19,14 +19,15 @@ def rolling(first: Surface, second: Surface, radius: float) -> Surface:
 
 
 def touching(wall: Surface, floor: Surface, minor: float) -> Surface:
-    """The torus about a cylinder's axis that touches the cylinder and a plane.
+    """The torus about the axis of a cylinder or cone that touches this and a plane.
 
     Args:
-        wall: the cylinder; floor: the plane across its axis.
+        wall: the cylinder or cone; floor: the plane across its axis.
         minor: signed radius of the tube, positive on a convex edge: the tube's centre lies in the material, `minor`
             below both faces.
     """
     height = float((floor.origin - wall.origin) @ floor.axis) - minor
     ahead = float(wall.axis @ floor.axis)
-    centre = wall.origin + height / ahead * wall.axis
-    return torus(centre, wall.axis, max(wall.radius - minor * wall.sign, abs(minor) / 10), abs(minor), minor < 0)
+    along = height / ahead
+    beside = wall.radius + along * np.tan(wall.angle) - minor * wall.sign / np.cos(wall.angle)
+    return torus(wall.origin + along * wall.axis, wall.axis, max(beside, abs(minor) / 10), abs(minor), minor < 0)
