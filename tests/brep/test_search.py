@@ -8,7 +8,8 @@ import pytest
 from brepgaussian.brep.budget import Budget, budget_of
 from brepgaussian.brep.job import Attempt, Job
 from brepgaussian.brep.judgement import shape_of
-from brepgaussian.brep.polish import Polished, _left_out
+from brepgaussian.brep.likeness import left_out
+from brepgaussian.brep.polish import Polished
 from brepgaussian.brep.rivals import beyond_doubt, hopeless, worse
 from brepgaussian.brep.search import Search
 from brepgaussian.brep.shown import ShownEdge
@@ -69,8 +70,8 @@ def test_a_hanging_kernel_ends_the_search_sooner():
 
 def test_a_rebuilt_solid_leaves_out_a_patch_that_had_a_face():
     before = attempt("support", (1.0, 0.95, 0.5))
-    assert _left_out(before, attempt("support", (1.0, 0.92, 0.0)), 0.9) == ""
-    assert "1" in _left_out(before, attempt("support", (1.0, 0.2, 0.9)), 0.9)
+    assert left_out(before, attempt("support", (1.0, 0.92, 0.0)), 0.9) == ""
+    assert "1" in left_out(before, attempt("support", (1.0, 0.2, 0.9)), 0.9)
 
 
 def judged(faces, on_solid=1.0, doubts=(), bare=0.0, accepted=True):

@@ -1,6 +1,5 @@
 """The seam to the refinement: surfaces made exact by the images, the solid rebuilt with the same topology."""
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
 from brepgaussian.brep.job import Attempt, Job, Rung
+from brepgaussian.brep.likeness import OTHER_TOPOLOGY, closer, difference, left_out, named
 from brepgaussian.brep.patches import with_floor
 from brepgaussian.brep.shown import ShownEdge, shown_edges
 from brepgaussian.brep.structure import Structure
@@ -23,8 +23,6 @@ from brepgaussian.settings.brep import BrepSettings
 
 Array = NDArray[np.float64]
 
-OTHER_TOPOLOGY = "its topology differs"
-_HALF = 0.5  # of a patch is explained, or it is left out
 _EXPLAINED = 0.5  # reaches from the surface: the median of a patch that is explained; beyond one reach it is not
 _ROUNDS = 3  # of refining and rebuilding
 _MARGINS = (0.02, 0.04)  # of the sheets that are rebuilt from refined faces, unit frame
@@ -91,7 +89,7 @@ def polish(worker: Worker, job: Job, rung: Rung, attempt: Attempt, views: Views,
                 log.warning("refined surfaces are not published: %s", rebuilt)
                 best.report["refinement_fault"] = rebuilt
                 break
-            same = _named(rebuilt[0]) == _named(attempt)
+            same = named(rebuilt[0]) == named(attempt)
             attempt, test, structure, mesh = rebuilt
             notes = {"refined": True, "refinement": details | _tables(test)}
             best = _polished(attempt, notes, structure, test, job, footprint)
@@ -189,7 +187,7 @@ def _parted(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any,
     rebuilt = _rebuilt(worker, job, rung, attempt, replace(result, surfaces=result.parted), views)
     if isinstance(rebuilt, str) or not _no_worse(rebuilt[1], result.acceptance):
         return None
-    faces = [sum(_named(a)[0].values()) for a in (attempt, rebuilt[0])]
+    faces = [sum(named(a)[0].values()) for a in (attempt, rebuilt[0])]
     return rebuilt if faces[1] >= faces[0] else None
 
 
@@ -214,21 +212,21 @@ def _rebuilt(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any
             fault = fault or str(error)
             continue
         rebuilt = replace(rebuilt, verdict=rebuilt.verdict.with_moved_borders())
-        difference = _difference(attempt, rebuilt)
-        lost = _left_out(attempt, rebuilt, settings.gate_explained) if difference else ""
-        if difference not in ("", OTHER_TOPOLOGY) or lost:
-            fault = fault or "; ".join(filter(None, (difference, lost)))
+        fresh = difference(attempt, rebuilt)
+        lost = left_out(attempt, rebuilt, settings.gate_explained) if fresh else ""
+        if fresh not in ("", OTHER_TOPOLOGY) or lost:
+            fault = fault or "; ".join(filter(None, (fresh, lost)))
             continue
         structure, mesh = inspect(worker, rebuilt, settings)
         poses = result.poses if result.poses.any() else None
         test = acceptance(mesh, structure, rebuilt.surfaces, views, settings, poses=poses, tone=result.tone)
-        same = not difference or _closer(attempt, rebuilt)
+        same = not fresh or closer(attempt, rebuilt)
         if _as_good(test, result, same):
             found = rebuilt, test, structure, mesh
             if not (same and result.accepted and not test.accepted):
                 return found
             spare = spare or found  # refused for an edge that few samples show
-        fault = fault or difference or "the rebuilt solid agrees less with the images than its surfaces"
+        fault = fault or fresh or "the rebuilt solid agrees less with the images than its surfaces"
     return spare or fault
 
 
@@ -296,42 +294,3 @@ def _figures(test: Any) -> dict[str, Any]:
         "stepped": float(test.stepped),
         "accepted": bool(test.accepted),
     }
-
-
-def _difference(before: Attempt, after: Attempt) -> str:
-    """Why a rebuilt solid is not the same one with better surfaces; empty if it is."""
-    if after.shape is None or after.verdict.structure is None or before.verdict.structure is None:
-        return "; ".join(after.verdict.faults) or "it has no structure"
-    if _named(before) != _named(after):
-        return OTHER_TOPOLOGY
-    new = set(after.verdict.doubts) - set(before.verdict.doubts)
-    return "; ".join(sorted(new)) if len(after.verdict.doubts) > len(before.verdict.doubts) else ""
-
-
-def _closer(before: Attempt, after: Attempt) -> bool:
-    """Whether two solids have the same faces, and the second no edge besides: corners have come together."""
-    faces, pairs = _named(before)
-    new_faces, new_pairs = _named(after)
-    return faces == new_faces and new_pairs <= pairs
-
-
-def _left_out(before: Attempt, after: Attempt, gate: float) -> str:
-    """Which patches a rebuilt solid has no face for although the solid before had; empty if none."""
-    pairs = enumerate(zip(before.verdict.explained, after.verdict.explained, strict=False))
-    lost = [str(i) for i, (old, new) in pairs if old >= gate and new < _HALF]
-    return f"it leaves out patches {', '.join(lost)}" if lost else ""
-
-
-def _named(attempt: Attempt) -> tuple[Counter[Any], Counter[Any]]:
-    """The topology with used surfaces numbered in order: indices shift where unused caps are left out."""
-    structure = attempt.verdict.structure
-    assert structure is not None
-    used = sorted({f.surface for f in structure.faces})
-    return topology(structure, {s: i for i, s in enumerate(used)})
-
-
-def topology(structure: Structure, name: dict[int, int]) -> tuple[Counter[Any], Counter[Any]]:
-    """Faces by surface and adjacent pairs of surfaces (once for each pair of faces)."""
-    faces = Counter(name[f.surface] for f in structure.faces)
-    pairs = {tuple(sorted(e.faces)): tuple(sorted(name[s] for s in e.surfaces)) for e in structure.edges}
-    return faces, Counter(pairs.values())

@@ -13,7 +13,7 @@ from brepgaussian.artifacts.primitives import Relation
 from brepgaussian.geometry.fit import oriented
 from brepgaussian.geometry.surfaces import Surface
 from brepgaussian.log import get_logger
-from brepgaussian.primitives import propose
+from brepgaussian.primitives import cones, propose
 from brepgaussian.primitives.corners import meet
 from brepgaussian.primitives.ends import end_at
 from brepgaussian.primitives.patches import Cloud, Noise, Patch, adjacent, spreads
@@ -28,9 +28,9 @@ STEPS: tuple[tuple[str, Callable[[State], list[Link]]], ...] = (
     ("directions", propose.directions),
     ("coaxial", propose.coaxial),
     ("equal radii", propose.equal_radii),
-    ("equal angles", propose.equal_angles),
-    ("usual angles", propose.usual_angles),
-    ("equal cones", propose.equal_cones),
+    ("equal angles", cones.equal_angles),
+    ("usual angles", cones.usual_angles),
+    ("equal cones", cones.equal_cones),
     ("tangent", propose.tangent),
     ("bends", propose.bends),
     ("one surface", propose.same),
