@@ -4,7 +4,6 @@ from collections import Counter
 from typing import Any
 
 from brepgaussian.brep.job import Attempt
-from brepgaussian.brep.structure import Structure
 
 OTHER_TOPOLOGY = "its topology differs"
 _HALF = 0.5  # of a patch is explained, or it is left out
@@ -35,15 +34,14 @@ def left_out(before: Attempt, after: Attempt, gate: float) -> str:
 
 
 def named(attempt: Attempt) -> tuple[Counter[Any], Counter[Any]]:
-    """The topology with used surfaces numbered in order: indices shift where unused caps are left out."""
+    """Faces by surface and adjacent pairs of surfaces (once for each pair of faces).
+
+    Used surfaces are numbered in order: indices shift where unused caps are left out.
+    """
     structure = attempt.verdict.structure
     assert structure is not None
     used = sorted({f.surface for f in structure.faces})
-    return topology(structure, {s: i for i, s in enumerate(used)})
-
-
-def topology(structure: Structure, name: dict[int, int]) -> tuple[Counter[Any], Counter[Any]]:
-    """Faces by surface and adjacent pairs of surfaces (once for each pair of faces)."""
+    name = {s: i for i, s in enumerate(used)}
     faces = Counter(name[f.surface] for f in structure.faces)
     pairs = {tuple(sorted(e.faces)): tuple(sorted(name[s] for s in e.surfaces)) for e in structure.edges}
     return faces, Counter(pairs.values())

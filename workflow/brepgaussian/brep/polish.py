@@ -182,13 +182,14 @@ _Rebuilt = tuple[Attempt, Any, Structure, Any]
 
 def _parted(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views) -> _Rebuilt | None:
     """The same as `_rebuilt` where cylinders part each other as they cross, if images like that no less."""
+    from brepgaussian.brep.refine.accept import keeps
+
     if not result.parted:
         return None
     rebuilt = _rebuilt(worker, job, rung, attempt, replace(result, surfaces=result.parted), views)
-    if isinstance(rebuilt, str) or not _no_worse(rebuilt[1], result.acceptance):
+    if isinstance(rebuilt, str) or not keeps(rebuilt[1], result.acceptance):
         return None
-    faces = [sum(named(a)[0].values()) for a in (attempt, rebuilt[0])]
-    return rebuilt if faces[1] >= faces[0] else None
+    return rebuilt if named(rebuilt[0])[0].total() >= named(attempt)[0].total() else None
 
 
 def _rebuilt(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any, views: Views) -> _Rebuilt | str:
@@ -228,13 +229,6 @@ def _rebuilt(worker: Worker, job: Job, rung: Rung, attempt: Attempt, result: Any
             spare = spare or found  # refused for an edge that few samples show
         fault = fault or fresh or "the rebuilt solid agrees less with the images than its surfaces"
     return spare or fault
-
-
-def _no_worse(test: Any, before: Any) -> bool:
-    """Whether the images accept a solid as before, and its masks are as good to within noise."""
-    from brepgaussian.brep.refine.accept import IOU_NOISE
-
-    return bool(test.accepted >= before.accepted and test.mask_iou > before.mask_iou - IOU_NOISE)
 
 
 def _as_good(test: Any, result: Any, same: bool) -> bool:

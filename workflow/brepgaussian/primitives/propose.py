@@ -1,5 +1,6 @@
 """Which relations the fits suggest, kind by kind; each is a `Link` with how far off the fits are."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +56,10 @@ class State:
         """Standard deviation of one length parameter."""
         return float(np.sqrt(self.covariances[i][column, column]))
 
+    def by_error(self, members: Sequence[int], column: int) -> list[int]:
+        """Patches, the one whose length parameter is known best first."""
+        return sorted(members, key=lambda i: (self.length_error(i, column), i))
+
     def joint_error(self, i: int, j: int, column: int) -> float:
         """Standard deviation of the difference of one parameter of two patches of a kind."""
         return float(np.hypot(self.length_error(i, column), self.length_error(j, column)))
@@ -84,19 +89,37 @@ class State:
         return float(np.clip(CERTAIN * error, LENGTH_FLOOR * sigma, cap * sigma))
 
 
+def clustered(
+    order: Sequence[int], off: Callable[[int, int], float | None], leads: Callable[[int], bool] = lambda _: True
+) -> tuple[list[tuple[int, int]], list[int]]:
+    """Pairs of a cluster's first member and another, which is nearest to that one, and all first members.
+
+    Args:
+        order: of members, the most certain first.
+        off: by how much a member is off a first one; None = too much.
+        leads: whether a member may be the first of others.
+    """
+    pairs, heads = [], list[int]()
+    for i in order:
+        near = [(gap, h) for h in heads if (gap := off(h, i)) is not None]
+        if near:
+            pairs.append((min(near)[1], i))
+        elif leads(i):
+            heads.append(i)
+    return pairs, heads
+
+
 def directions(state: State) -> list[Link]:
     """Parallel members of each cluster of directions, and right or usual angles between the clusters."""
     having = [i for i, s in enumerate(state.surfaces) if s.kind != "sphere"]
     having.sort(key=lambda i: (state.tilt_error(i), i))
-    heads: list[int] = []
-    links = []
-    for i in having:
-        near = [(direction_angle(state.surfaces[h], state.surfaces[i]), h) for h in heads]
-        fitting = [(a, h) for a, h in near if a < state.angle_tolerance(h, i) and state.may_be_parallel(h, i, a)]
-        if fitting:
-            links.append(Link("parallel", min(fitting)[1], i))
-        else:
-            heads.append(i)
+
+    def turned(h: int, i: int) -> float | None:
+        angle = direction_angle(state.surfaces[h], state.surfaces[i])
+        return angle if angle < state.angle_tolerance(h, i) and state.may_be_parallel(h, i, angle) else None
+
+    pairs, heads = clustered(having, turned)
+    links = [Link("parallel", h, i) for h, i in pairs]
     return links + _angles(state, heads, {"perpendicular": 90}, 1.0) + _angles(state, heads, _USUAL, ANGLE_SHARE)
 
 
@@ -123,45 +146,33 @@ def coaxial(state: State) -> list[Link]:
     round_ = [i for i, s in enumerate(state.surfaces) if s.kind in ("cylinder", "cone", "torus")]
     round_.sort(key=lambda i: (state.tilt_error(i), i))
     round_ += [i for i, s in enumerate(state.surfaces) if s.kind == "sphere"]
-    heads: list[int] = []
-    links = []
-    for i in round_:
-        fitting = []
-        for h in heads:
-            sphere = state.surfaces[i].kind == "sphere"
-            if not sphere and direction_angle(state.surfaces[h], state.surfaces[i]) > state.angle_tolerance(h, i):
-                continue
-            gap = axis_gap(state.surfaces[h], state.surfaces[i])
-            error = max(state.joint_error(h, i, 0), state.joint_error(h, i, 1))
-            if gap < state.length_tolerance(error, GAP_CAP):
-                fitting.append((gap, h))
-        if fitting:
-            links.append(Link("coaxial", min(fitting)[1], i))
-        elif state.surfaces[i].kind != "sphere":
-            heads.append(i)
-    return links
+
+    def apart(h: int, i: int) -> float | None:
+        sphere = state.surfaces[i].kind == "sphere"
+        if not sphere and direction_angle(state.surfaces[h], state.surfaces[i]) > state.angle_tolerance(h, i):
+            return None
+        gap = axis_gap(state.surfaces[h], state.surfaces[i])
+        error = max(state.joint_error(h, i, 0), state.joint_error(h, i, 1))
+        return gap if gap < state.length_tolerance(error, GAP_CAP) else None
+
+    pairs, _ = clustered(round_, apart, lambda i: state.surfaces[i].kind != "sphere")
+    return [Link("coaxial", h, i) for h, i in pairs]
 
 
 def equal_radii(state: State) -> list[Link]:
     """Cylinders, spheres and tubes of tori of one radius, each tied to the most certain of its cluster."""
     links = []
     for kind, column in (("cylinder", 4), ("sphere", 3), ("torus", 6)):
+
+        def differs(h: int, i: int, column: int = column) -> float | None:
+            radii = [_radius(state.surfaces[k]) for k in (h, i)]
+            limit = min(state.length_tolerance(state.joint_error(h, i, column)), RADIUS_SHARE * min(radii))
+            return gap if (gap := abs(radii[0] - radii[1])) < limit else None
+
         for flipped in (False, True):
             group = [i for i, s in enumerate(state.surfaces) if s.kind == kind and s.flipped == flipped]
-            group.sort(key=lambda i: (state.length_error(i, column), i))
-            heads: list[int] = []
-            for i in group:
-                fitting = []
-                for h in heads:
-                    radii = [_radius(state.surfaces[k]) for k in (h, i)]
-                    error = state.joint_error(h, i, column)
-                    limit = min(state.length_tolerance(error), RADIUS_SHARE * min(radii))
-                    if abs(radii[0] - radii[1]) < limit:
-                        fitting.append((abs(radii[0] - radii[1]), h))
-                if fitting:
-                    links.append(Link("equal_radius", min(fitting)[1], i))
-                else:
-                    heads.append(i)
+            pairs, _ = clustered(state.by_error(group, column), differs)
+            links += [Link("equal_radius", h, i) for h, i in pairs]
     return links
 
 

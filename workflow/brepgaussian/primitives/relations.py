@@ -141,13 +141,10 @@ def _tangent(first: Surface, second: Surface) -> Array:
         return np.append(_parallel(first, second), _touching(height, second.minor))
     if second.kind == "sphere":
         return _ball_of_ring(first, second) if first.kind == "torus" else _ball_of_taper(first, second)
-    if {first.kind, second.kind} == {"cone", "torus"}:
-        return _fillet_of_taper(*((first, second) if first.kind == "cone" else (second, first)))
-    if second.kind == "cylinder":
+    if second.kind != "torus":
         first, second = second, first
     if second.kind == "torus":
-        gap = _touching(second.radius - first.radius, second.minor)
-        return np.append(_coaxial(first, second), gap)
+        return _fillet_of_turned(first, second)
     distance = axis_gap(first, second)
     outside, inside = distance - first.radius - second.radius, distance - abs(first.radius - second.radius)
     return np.append(_parallel(first, second), outside if abs(outside) < abs(inside) else inside)
@@ -155,7 +152,7 @@ def _tangent(first: Surface, second: Surface) -> Array:
 
 def _chamfer_of_round(flat: Surface, cone: Surface) -> Array:
     """A chamfer's plane that goes on in the cone of a rounded corner: the same normal along a line of the cone."""
-    normal = cone.sign * flat.normals(flat.origin[None])[0]  # as if the cone were no hole
+    normal = cone.sign * flat.sign * flat.axis  # as if the cone were no hole
     radial = normal - (normal @ cone.axis) * cone.axis
     radial /= max(float(np.linalg.norm(radial)), _TINY)
     place = cone.origin + cone.radius * radial
@@ -169,8 +166,8 @@ def _ball_of_taper(cone: Surface, ball: Surface) -> Array:
     return np.append(_on_axis(cone, ball), across - ball.radius)
 
 
-def _fillet_of_taper(cone: Surface, ring: Surface) -> Array:
-    """A torus about a cone's axis that touches it in a circle: the fillet at a tapered boss's foot."""
+def _fillet_of_turned(cone: Surface, ring: Surface) -> Array:
+    """A torus about a cone's axis that touches it in a circle: a boss's foot. A cylinder is a cone of angle 0."""
     height = float((ring.origin - cone.origin) @ cone.axis)
     across = (ring.radius - cone.radius - height * np.tan(cone.angle)) * np.cos(cone.angle)  # to the middle of the tube
     return np.append(_coaxial(cone, ring), _touching(across, ring.minor))

@@ -78,6 +78,11 @@ class Acceptance:
     faces: list[dict[str, object]] = field(default_factory=list)
 
 
+def keeps(new: Acceptance, old: Acceptance) -> bool:
+    """Whether a solid is accepted where another one is, and its masks are as good to within noise."""
+    return bool(new.accepted >= old.accepted and new.mask_iou > old.mask_iou - IOU_NOISE)
+
+
 def acceptance(
     mesh: FaceMesh,
     structure: Structure,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brepgaussian.artifacts.views import Views
-from brepgaussian.brep.refine.accept import IOU_NOISE, PX_NOISE, WINDOW_PX, Acceptance
+from brepgaussian.brep.refine.accept import PX_NOISE, WINDOW_PX, Acceptance, keeps
 from brepgaussian.brep.refine.constraints import Tie
 from brepgaussian.brep.refine.descent import WINDOWS, Run, descend, largest_move, move_structure, sounded
 from brepgaussian.brep.refine.mesh import FaceMesh, follow
@@ -267,10 +267,7 @@ def _less_displaced(new: Acceptance, old: Acceptance) -> bool:
 
 def _no_worse(new: Acceptance, old: Acceptance) -> bool:
     """Whether the images like a solid with more relations no less."""
-    if old.accepted and not new.accepted:
-        return False
-    worse = new.silhouette_px > old.silhouette_px + PX_NOISE
-    return not worse and new.mask_iou > old.mask_iou - IOU_NOISE
+    return keeps(new, old) and not new.silhouette_px > old.silhouette_px + PX_NOISE
 
 
 def _closer(new: Acceptance, old: Acceptance) -> bool:
